@@ -1,0 +1,57 @@
+PYTHON ?= python3
+BIN := .venv/bin
+READY := .venv/.ready
+
+.DEFAULT_GOAL := help
+.PHONY: help demo serve test check unit format openapi lock clean
+
+help: ## list the commands
+	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 12
+
+$(READY): requirements.lock requirements-boot.lock pyproject.toml
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "homsense needs Python 3.11 or later")'
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --require-hashes -r requirements-boot.lock
+	$(BIN)/uv pip sync --quiet --python $(BIN)/python --require-hashes requirements.lock
+	$(BIN)/uv pip install --quiet --python $(BIN)/python --no-deps --no-build-isolation --editable .
+	@touch $@
+
+demo: $(READY) ## map a simulated downtown, localize a robot in it, write demo/
+	$(BIN)/homsense demo --out demo
+
+serve: $(READY) ## serve on 127.0.0.1:8080 with the data in ./data
+	$(BIN)/homsense serve --data data
+
+test: check unit ## everything that CI runs
+
+check: $(READY) ## format, lint, types, layers, docstrings
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+	$(BIN)/python -m numpydoc.hooks.validate_docstrings $$(git ls-files --cached --others --exclude-standard 'homsense/*.py')
+
+unit: $(READY) ## unit, property, contract and integration tests with coverage
+	$(BIN)/coverage erase
+	$(BIN)/coverage run -m pytest
+	@$(BIN)/coverage combine --quiet
+	@$(BIN)/coverage report --skip-covered --show-missing > .coverage.txt || (cat .coverage.txt; exit 1)
+	@tail -n 1 .coverage.txt
+
+format: $(READY) ## format and mend what can be mended
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+openapi: $(READY) ## write openapi/openapi.json from the routes
+	$(BIN)/python -m homsense_service.openapi openapi/openapi.json
+
+lock: $(READY) ## resolve the dependencies again
+	$(BIN)/uv pip compile pyproject.toml --all-extras --group test --group build --universal \
+	  --generate-hashes --no-emit-index-url --no-emit-find-links --no-header --no-annotate \
+	  --quiet --upgrade -o requirements.lock
+	$(BIN)/uv pip compile --group boot --universal \
+	  --generate-hashes --no-emit-index-url --no-emit-find-links --no-header --no-annotate \
+	  --quiet --upgrade -o requirements-boot.lock
+
+clean: ## remove what the other commands made
+	rm -rf .venv demo build dist .coverage .coverage.* .mypy_cache .ruff_cache .pytest_cache .hypothesis

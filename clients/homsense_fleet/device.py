@@ -1,0 +1,227 @@
+"""Devices that move through the world: phones on foot and a robot on the roads. Pure."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homsense_fleet.world import World
+
+Rng = np.random.Generator
+FloatArray = NDArray[np.float64]
+Place = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class OdometryNoise:
+    """Errors of a robot's own motion estimate.
+
+    Parameters
+    ----------
+    translation_m : float
+        Standard deviation along each body axis for a step, metres.
+    rotation_rad : float
+        Standard deviation of the turn for a step, radians.
+    """
+
+    translation_m: float = 0.8
+    rotation_rad: float = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class DriveStep:
+    """One step of a robot: what is true, what it measures, what it hears.
+
+    Parameters
+    ----------
+    seq : int
+        Number of the step, from 1.
+    t : float
+        Time since the start, seconds.
+    truth : tuple of float
+        True (x, y, heading) after the step; metres and radians.
+    travelled_m : float
+        True length driven so far, metres.
+    delta : dict
+        Measured body-frame motion: ``forward_m``, ``left_m``, ``turn_rad``.
+    scan : list of dict
+        Transmitters heard after the step.
+    """
+
+    seq: int
+    t: float
+    truth: tuple[float, float, float]
+    travelled_m: float
+    delta: dict[str, float]
+    scan: list[dict[str, Any]]
+
+
+def wander(world: World, rng: Rng, length_m: float) -> FloatArray:
+    """Return the corners of a random route on the roads.
+
+    Parameters
+    ----------
+    world : World
+        Gives the roads.
+    rng : numpy.random.Generator
+        Chooses the turns.
+    length_m : float
+        Least length, metres.
+
+    Returns
+    -------
+    ndarray, shape (K, 2), float64
+        Corners; the route turns back only where a road ends.
+    """
+    roads = world.city.roads
+    nodes = sorted(roads.nodes)
+    here: Place = nodes[int(rng.integers(len(nodes)))]
+    before: Place | None = None
+    corners = [here]
+    travelled = 0.0
+    while travelled < length_m:
+        ahead = _next_corner(world, rng, before, here)
+        travelled += math.dist(here, ahead)
+        corners.append(ahead)
+        before, here = here, ahead
+    return np.array(corners)
+
+
+def _next_corner(world: World, rng: Rng, before: Place | None, here: Place) -> Place:
+    ways = sorted(place for place in world.city.roads[here] if place != before)
+    if not ways:
+        return before or here
+    if before is not None:
+        straight = (2 * here[0] - before[0], 2 * here[1] - before[1])
+        along = [way for way in ways if math.dist(way, straight) < 0.5 * math.dist(here, before)]
+        if along and rng.random() < 0.6:  # noqa: PLR2004 - drivers mostly go on
+            return along[0]
+    return ways[int(rng.integers(len(ways)))]
+
+
+def walk_positions(corners: FloatArray, spacing_m: float, length_m: float) -> FloatArray:
+    """Return places along a route at equal distances.
+
+    Parameters
+    ----------
+    corners : ndarray, shape (K, 2), float64
+        The route.
+    spacing_m : float
+        Distance between places, metres.
+    length_m : float
+        Where to stop, metres from the start.
+
+    Returns
+    -------
+    ndarray, shape (S, 2), float64
+        Places, the start first.
+    """
+    legs = np.hypot(*np.diff(corners, axis=0).T)
+    at = np.concatenate([[0.0], np.cumsum(legs)])
+    distance = np.arange(0.0, min(length_m, at[-1]) + 1e-9, spacing_m)
+    return np.stack([np.interp(distance, at, corners[:, axis]) for axis in (0, 1)], axis=1)
+
+
+def phone_scans(
+    world: World, device: str, rng: Rng, *, count: int, spacing_m: float = 10.0
+) -> Iterator[dict[str, Any]]:
+    """Yield the scans of a phone carried on foot, without any position.
+
+    Parameters
+    ----------
+    world : World
+        Where it walks.
+    device : str
+        Name of the phone.
+    rng : numpy.random.Generator
+        Route, sideways steps and radio noise.
+    count : int
+        How many scans.
+    spacing_m : float, default 10.0
+        Way between two scans, metres.
+
+    Yields
+    ------
+    dict
+        A scan as the service takes it; empty ones are left out.
+    """
+    length = count * spacing_m
+    places = walk_positions(wander(world, rng, length), spacing_m, length)[:count]
+    for number, place in enumerate(places):
+        heard = world.scan(_aside(world, rng, place), rng)
+        if heard:
+            yield {
+                "device": device,
+                "scan_id": f"{device}-{number}",
+                "observed_at": 1.7e9 + number * spacing_m / 1.4,
+                "landmarks": heard,
+            }
+
+
+def _aside(world: World, rng: Rng, place: FloatArray, spread_m: float = 6.0) -> FloatArray:
+    """Return a free place near the middle of the road."""
+    for _ in range(8):
+        candidate = place + rng.normal(0.0, spread_m, 2)
+        if world.is_free(candidate):
+            return candidate
+    return place
+
+
+def drive(
+    world: World,
+    rng: Rng,
+    *,
+    length_m: float = 1500.0,
+    step_m: float = 5.0,
+    speed_mps: float = 5.0,
+    noise: OdometryNoise | None = None,
+) -> Iterator[DriveStep]:
+    """Yield the steps of a robot on the roads.
+
+    Parameters
+    ----------
+    world : World
+        Where it drives.
+    rng : numpy.random.Generator
+        Route and all noise.
+    length_m : float, default 1500.0
+        Way to drive, metres.
+    step_m : float, default 5.0
+        Length of a step, metres.
+    speed_mps : float, default 5.0
+        Speed, metres a second.
+    noise : OdometryNoise, optional
+        Errors of the motion estimate.
+
+    Yields
+    ------
+    DriveStep
+        Steps in order.
+    """
+    errors = noise or OdometryNoise()
+    places = walk_positions(wander(world, rng, length_m + step_m), step_m, length_m)
+    ahead = np.diff(places, axis=0)
+    headings = np.arctan2(ahead[:, 1], ahead[:, 0])
+    heading = float(headings[0])
+    for number, (move, new_heading) in enumerate(zip(ahead, headings, strict=True), start=1):
+        cosine, sine = math.cos(heading), math.sin(heading)
+        turn = math.remainder(float(new_heading) - heading, math.tau)
+        wrong = rng.normal(0.0, 1.0, 3)
+        delta = {
+            "forward_m": float(cosine * move[0] + sine * move[1] + errors.translation_m * wrong[0]),
+            "left_m": float(-sine * move[0] + cosine * move[1] + errors.translation_m * wrong[1]),
+            "turn_rad": turn + errors.rotation_rad * float(wrong[2]),
+        }
+        heading = float(new_heading)
+        place = places[number]
+        yield DriveStep(
+            seq=number,
+            t=number * step_m / speed_mps,
+            truth=(float(place[0]), float(place[1]), heading),
+            travelled_m=number * step_m,
+            delta=delta,
+            scan=world.scan(place, rng),
+        )

@@ -1,0 +1,224 @@
+"""The true world: buildings, transmitters and radio. Pure; the estimator never sees it."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import networkx as nx
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry import MultiPolygon, Polygon, mapping, shape
+
+from homsense_fleet.city import City, downtown
+
+Rng = np.random.Generator
+FloatArray = NDArray[np.float64]
+Roads = "nx.Graph[tuple[float, float]]"
+
+CLEARANCE_M = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Radio:
+    """How transmitters are heard.
+
+    Parameters
+    ----------
+    s_max_m : float
+        No transmitter is heard from farther away, metres.
+    dropout : float
+        Probability that a transmitter in view is missed in a scan.
+    tx_dbm : float
+        Strength at one metre, dBm.
+    exponent : float
+        Path loss exponent.
+    shadowing_db : float
+        Standard deviation of the strength, dB.
+    """
+
+    s_max_m: float = 80.0
+    dropout: float = 0.05
+    tx_dbm: float = -35.0
+    exponent: float = 2.7
+    shadowing_db: float = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class World:
+    """Everything that is true.
+
+    Parameters
+    ----------
+    name : str
+        The scenario.
+    city : City
+        Buildings and roads.
+    transmitters : ndarray, shape (T, 2), float64
+        Places, metres.
+    ids : tuple of str
+        Broadcast identifiers.
+    radio : Radio
+        The radio model.
+    walls : shapely.MultiPolygon
+        All buildings, prepared for intersection tests.
+    """
+
+    name: str
+    city: City
+    transmitters: FloatArray
+    ids: tuple[str, ...]
+    radio: Radio
+    walls: MultiPolygon
+
+    def map_document(self) -> dict[str, Any]:
+        """Return the unlabeled map as GeoJSON in local metres."""
+        return {
+            "type": "FeatureCollection",
+            "frame": "local",
+            "features": [
+                {"type": "Feature", "properties": {}, "geometry": mapping(building)}
+                for building in self.city.buildings
+            ],
+        }
+
+    def is_free(self, xy: FloatArray) -> bool:
+        """Tell whether a place is outside all buildings, with some clearance."""
+        return bool(shapely.distance(self.walls, shapely.points(xy)) > CLEARANCE_M)
+
+    def in_view(self, xy: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
+        """Return the transmitters with a free line of sight within range, and their distances."""
+        distance = np.hypot(*(self.transmitters - xy).T)
+        near = np.flatnonzero(distance <= self.radio.s_max_m)
+        ends = np.stack([np.broadcast_to(xy, (len(near), 2)), self.transmitters[near]], axis=1)
+        clear = near[~shapely.intersects(self.walls, shapely.linestrings(ends))]
+        return clear, distance[clear]
+
+    def scan(self, xy: FloatArray, rng: Rng) -> list[dict[str, Any]]:
+        """Return what a device hears at a place: identifiers with strengths in dBm."""
+        seen, distance = self.in_view(xy)
+        heard = rng.random(len(seen)) >= self.radio.dropout
+        noise = rng.normal(0.0, self.radio.shadowing_db, len(seen))
+        loss = 10.0 * self.radio.exponent * np.log10(np.maximum(distance, 1.0))
+        rssi = self.radio.tx_dbm - loss + noise
+        return [
+            {"id": self.ids[i], "rssi": round(float(level), 1)}
+            for i, level in zip(seen[heard], rssi[heard], strict=True)
+        ]
+
+
+def downtown_44(seed: int, *, n_transmitters: int = 197, radio: Radio | None = None) -> World:
+    """Return the paper's setting: 44 buildings and 197 transmitters in a downtown.
+
+    Parameters
+    ----------
+    seed : int
+        Decides the whole world.
+    n_transmitters : int, default 197
+        How many transmitters there are.
+    radio : Radio, optional
+        The radio model.
+
+    Returns
+    -------
+    World
+        A world of 44 buildings.
+    """
+    rng = np.random.default_rng([seed, 44])
+    return _populate("downtown-44", downtown(rng), rng, n_transmitters, radio or Radio())
+
+
+def world_from_geojson(
+    document: dict[str, Any],
+    seed: int,
+    *,
+    n_transmitters: int = 197,
+    radio: Radio | None = None,
+    name: str = "map",
+) -> World:
+    """Return a world with the buildings of a GeoJSON map in local metres.
+
+    Parameters
+    ----------
+    document : dict
+        FeatureCollection of polygons.
+    seed : int
+        Decides the transmitters.
+    n_transmitters : int, default 197
+        How many transmitters there are.
+    radio : Radio, optional
+        The radio model.
+    name : str, default "map"
+        Name of the scenario.
+
+    Returns
+    -------
+    World
+        A world whose roads are a lattice over the largest connected free space.
+
+    Raises
+    ------
+    ValueError
+        If the map holds no polygon or no free space.
+    """
+    merged = shapely.union_all([shape(f["geometry"]).buffer(0.05) for f in document["features"]])
+    buildings = tuple(
+        Polygon(part.exterior) for part in shapely.get_parts(merged) if isinstance(part, Polygon)
+    )
+    if not buildings:
+        message = "the map holds no polygon"
+        raise ValueError(message)
+    city = City(buildings, _lattice(shapely.union_all(buildings)))
+    rng = np.random.default_rng([seed, 45])
+    return _populate(name, city, rng, n_transmitters, radio or Radio())
+
+
+def _populate(name: str, city: City, rng: Rng, count: int, radio: Radio) -> World:
+    walls = MultiPolygon(list(city.buildings))
+    shapely.prepare(walls)
+    places = _well_spread(rng, walls, count)
+    ids = tuple(_bssid(rng) for _ in range(count))
+    return World(name, city, places, ids, radio, walls)
+
+
+def _well_spread(rng: Rng, walls: MultiPolygon, count: int, candidates: int = 40) -> FloatArray:
+    """Place transmitters outside, each the candidate farthest from those before it."""
+    west, south, east, north = walls.bounds
+    low = np.array([west, south]) - 10.0
+    high = np.array([east, north]) + 10.0
+    chosen = np.empty((0, 2))
+    while len(chosen) < count:
+        tried = rng.uniform(low, high, size=(candidates, 2))
+        tried = tried[~shapely.intersects_xy(walls, tried[:, 0], tried[:, 1])]
+        if not len(tried):
+            continue
+        if len(chosen):
+            gaps = np.linalg.norm(tried[:, None] - chosen[None], axis=2).min(axis=1)
+            tried = tried[[int(gaps.argmax())]]
+        chosen = np.vstack([chosen, tried[:1]])
+    return chosen
+
+
+def _bssid(rng: Rng) -> str:
+    octets = rng.integers(0, 256, size=6)
+    octets[0] &= 0xFC
+    return ":".join(f"{octet:02x}" for octet in octets)
+
+
+def _lattice(buildings: shapely.Geometry, spacing_m: float = 8.0) -> Any:  # noqa: ANN401
+    """Return the largest connected lattice graph that keeps clear of the buildings."""
+    west, south, east, north = buildings.bounds
+    xs = np.arange(west - spacing_m, east + 1.5 * spacing_m, spacing_m)
+    ys = np.arange(south - spacing_m, north + 1.5 * spacing_m, spacing_m)
+    blocked = buildings.buffer(CLEARANCE_M)
+    shapely.prepare(blocked)
+    grid = nx.grid_2d_graph(len(xs), len(ys))
+    edges = np.array(list(grid.edges))
+    ends = np.stack([xs[edges[..., 0]], ys[edges[..., 1]]], axis=-1)
+    free = ~shapely.intersects(blocked, shapely.linestrings(ends))
+    roads: nx.Graph[tuple[float, float]] = nx.Graph()
+    for (x0, y0), (x1, y1) in ends[free].tolist():
+        roads.add_edge((x0, y0), (x1, y1), length_m=spacing_m)
+    if not roads:
+        message = "the map leaves no free space to move in"
+        raise ValueError(message)
+    return roads.subgraph(max(nx.connected_components(roads), key=len)).copy()

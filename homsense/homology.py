@@ -1,0 +1,266 @@
+"""Homology over GF(2) of a complex given by generating simplices; no face is ever listed.
+
+A simplex is an integer whose set bits are its vertices ("points" here: in the Dowker dual the
+points are facets and the simplices are posting lists of landmarks). This file knows neither.
+
+The state after each simplex F is a basis of H^1, written as potentials: for each generator and
+each simplex a subset of its points (a "plane"), such that on the overlap of two simplices their
+planes differ by a constant. Adding F glues it along L = F n K (Mayer-Vietoris):
+
+- a piece of L in a component that F already touches closes a new cycle: one generator is born;
+- a class lives on if it is trivial on L; each independent failure is a relation that kills the
+  youngest generator in it (the elder rule).
+"""
+
+from collections.abc import Iterator, Sequence
+
+Planes = dict[int, int]
+"""Generator -> the points of one simplex where its potential is 1; constant planes are left out."""
+
+_RECENT = 8
+
+
+def bits(mask: int) -> Iterator[int]:
+    """Yield the positions of the set bits, lowest first.
+
+    Parameters
+    ----------
+    mask : int
+        A non-negative integer.
+
+    Yields
+    ------
+    int
+        A position.
+
+    Examples
+    --------
+    >>> list(bits(0b1011))
+    [0, 1, 3]
+    """
+    while mask:
+        low = mask & -mask
+        yield low.bit_length() - 1
+        mask ^= low
+
+
+class MayerVietoris:
+    """Betti numbers b0 and b1 of a growing complex.
+
+    Examples
+    --------
+    >>> hollow_triangle = MayerVietoris()
+    >>> for edge in (0b011, 0b110, 0b101):
+    ...     hollow_triangle.add(edge)
+    >>> hollow_triangle.betti
+    (1, 1)
+    """
+
+    def __init__(self) -> None:
+        self._simplices: list[int] = []
+        self._planes: list[Planes] = []
+        self._through: list[int] = []
+        self._carriers: dict[int, int] = {}
+        self._labelled = 0
+        self._seen = 0
+        self._parent: list[int] = []
+        self._components = 0
+        self._born = 0
+
+    @property
+    def betti(self) -> tuple[int, int]:
+        """The number of components and of independent cycles that bound nothing."""
+        return self._components, len(self._carriers)
+
+    def add(self, simplex: int) -> None:
+        """Add a simplex with all its faces; the empty simplex and repetitions change nothing.
+
+        Parameters
+        ----------
+        simplex : int
+            Bit mask of its points.
+        """
+        if not simplex:
+            return
+        index = len(self._simplices)
+        shared = simplex & self._seen
+        self._parent.append(index)
+        self._components += 1
+        planes = self._glue(index, simplex, shared) if shared else {}
+        self._append(simplex, planes, shared)
+
+    def _append(self, simplex: int, planes: Planes, shared: int) -> None:
+        own = 1 << len(self._simplices)
+        kept = {g: plane for g, plane in planes.items() if plane not in (0, shared)}
+        for generator in planes:
+            self._carriers.setdefault(generator, 0)
+            if generator in kept:
+                self._carriers[generator] |= own
+        if kept:
+            self._labelled |= own
+        self._simplices.append(simplex)
+        self._planes.append(kept)
+        self._seen |= simplex
+        self._through.extend([0] * (simplex.bit_length() - len(self._through)))
+        for point in bits(simplex):
+            self._through[point] |= own
+
+    def _glue(self, index: int, simplex: int, shared: int) -> Planes:
+        """Return the planes of a new simplex; kill the classes that are not trivial on L."""
+        planes: Planes = {}
+        first = self._best_overlap(simplex, shared)
+        pieces: list[tuple[int, int]] = []
+        uncovered = shared
+        start = first
+        while True:
+            piece = self._grow_piece(simplex, start, uncovered, planes)
+            pieces.append((piece, self._root(start)))
+            uncovered &= ~piece
+            if not uncovered:
+                break
+            lowest = (uncovered & -uncovered).bit_length() - 1
+            start = next(bits(self._through[lowest]))
+        self._check(simplex, shared & ~self._simplices[first], planes)
+        self._join(index, pieces, planes)
+        return planes
+
+    def _best_overlap(self, simplex: int, shared: int) -> int:
+        """Return a processed simplex that covers much of the shared points."""
+        count = len(self._simplices)
+        recent = range(max(0, count - _RECENT), count)
+        best = max(recent, key=lambda i: (self._simplices[i] & simplex).bit_count())
+        if self._simplices[best] & simplex:
+            return best
+        return next(bits(self._through[(shared & -shared).bit_length() - 1]))
+
+    def _grow_piece(self, simplex: int, start: int, uncovered: int, planes: Planes) -> int:
+        """Grow the piece of L that holds a simplex's overlap, and carry the labels over it."""
+        piece = self._simplices[start] & simplex
+        for generator, plane in self._planes[start].items():
+            planes[generator] = planes.get(generator, 0) | (plane & piece)
+        uncovered &= ~piece
+        growing = True
+        while growing and uncovered:
+            growing = False
+            for point in bits(uncovered):
+                if not uncovered >> point & 1:
+                    continue
+                for neighbor in bits(self._through[point]):
+                    meeting = self._simplices[neighbor] & piece
+                    if not meeting:
+                        continue
+                    fresh = self._simplices[neighbor] & simplex & ~piece
+                    self._carry(planes, self._planes[neighbor], meeting & -meeting, fresh)
+                    piece |= fresh
+                    uncovered &= ~fresh
+                    growing = True
+                    break
+        return piece
+
+    @staticmethod
+    def _carry(planes: Planes, others: Planes, at: int, fresh: int) -> None:
+        """Extend the planes to fresh points so that they agree with a neighbor's at one point."""
+        for generator in planes.keys() | others.keys():
+            other = others.get(generator, 0)
+            own = planes.get(generator, 0)
+            constant = fresh if (own ^ other) & at else 0
+            planes[generator] = own | ((other & fresh) ^ constant)
+
+    def _check(self, simplex: int, outside: int, planes: Planes) -> None:
+        """Compare with every simplex that meets the new one outside its first overlap."""
+        candidates = 0
+        for point in bits(outside):
+            candidates |= self._through[point]
+        if not any(planes.values()):
+            candidates &= self._labelled
+        for neighbor in bits(candidates):
+            meeting = self._simplices[neighbor] & simplex
+            while relation := _difference(planes, self._planes[neighbor], meeting):
+                self._kill(max(relation), relation, planes)
+
+    def _kill(self, youngest: int, relation: set[int], current: Planes) -> None:
+        """Remove a generator and substitute it wherever it labels a simplex."""
+        others = relation - {youngest}
+        for index in bits(self._carriers.pop(youngest)):
+            simplex, planes = self._simplices[index], self._planes[index]
+            plane = planes.pop(youngest)
+            own = 1 << index
+            for generator in others:
+                mixed = planes.get(generator, 0) ^ plane
+                if mixed in (0, simplex):
+                    planes.pop(generator, None)
+                    self._carriers[generator] &= ~own
+                else:
+                    planes[generator] = mixed
+                    self._carriers[generator] |= own
+            if not planes:
+                self._labelled &= ~own
+        plane = current.pop(youngest, 0)
+        for generator in others:
+            current[generator] = current.get(generator, 0) ^ plane
+
+    def _join(self, index: int, pieces: list[tuple[int, int]], planes: Planes) -> None:
+        """Unite components; a second piece of the same component bears a generator."""
+        touched: set[int] = set()
+        for piece, root in pieces:
+            if root in touched:
+                planes[self._born] = piece
+                self._born += 1
+            else:
+                touched.add(root)
+                self._parent[root] = index
+                self._components -= 1
+
+    def _root(self, index: int) -> int:
+        while self._parent[index] != index:
+            self._parent[index] = self._parent[self._parent[index]]
+            index = self._parent[index]
+        return index
+
+
+def _difference(one: Planes, other: Planes, meeting: int) -> set[int]:
+    """Return the generators whose planes differ by more than a constant between two points."""
+    origin = meeting & -meeting
+    varying: dict[int, int] = {}
+    for generator in one.keys() | other.keys():
+        apart = (one.get(generator, 0) ^ other.get(generator, 0)) & meeting
+        if apart & origin:
+            apart ^= meeting
+        if apart:
+            varying[generator] = apart
+    if not varying:
+        return set()
+    witness = next(iter(varying.values()))
+    witness &= -witness
+    return {generator for generator, apart in varying.items() if apart & witness}
+
+
+def betti_history(simplices: Sequence[int], ends: Sequence[int]) -> list[tuple[int, int]]:
+    """Return (b0, b1) of the complexes generated by growing prefixes, in one pass.
+
+    Parameters
+    ----------
+    simplices : sequence of int
+        Bit masks; the order decides the prefixes only, never a count.
+    ends : sequence of int
+        Lengths of the prefixes, not decreasing.
+
+    Returns
+    -------
+    list of tuple of int
+        One pair for each end.
+
+    Examples
+    --------
+    >>> betti_history([0b011, 0b110, 0b101, 0b111], [0, 2, 3, 4])
+    [(0, 0), (1, 0), (1, 1), (1, 0)]
+    """
+    growing = MayerVietoris()
+    history: list[tuple[int, int]] = []
+    done = 0
+    for end in ends:
+        for simplex in simplices[done:end]:
+            growing.add(simplex)
+        done = end
+        history.append(growing.betti)
+    return history

@@ -1,0 +1,95 @@
+"""The homological sensor: Algorithm 3, senseLocalHomology."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+
+from homsense.simplicial import LandmarkComplex
+
+
+@dataclass(frozen=True)
+class LocalHomology:
+    """The homology of the full subcomplex on one hop ball.
+
+    Parameters
+    ----------
+    complex : LandmarkComplex
+        The complex that was asked.
+    hops : int
+        Radius of the ball.
+    landmarks : frozenset of str
+        The ball.
+    betti : tuple of int
+        (b0, b1) of the subcomplex over GF(2).
+    """
+
+    complex: LandmarkComplex
+    hops: int
+    landmarks: frozenset[str]
+    betti: tuple[int, int]
+
+    @property
+    def holes(self) -> int:
+        """The measurement: b1, the number of holes in the neighborhood."""
+        return self.betti[1]
+
+    @property
+    def n_landmarks(self) -> int:
+        """How many landmarks the ball holds."""
+        return len(self.landmarks)
+
+    @cached_property
+    def subcomplex(self) -> LandmarkComplex:
+        """The full subcomplex on the ball."""
+        return self.complex.induced(self.landmarks)
+
+    @property
+    def n_facets(self) -> int:
+        """How many facets the subcomplex has."""
+        return len(self.subcomplex.facets)
+
+    @cached_property
+    def euler(self) -> int:
+        """The Euler characteristic; 1 - euler is b1 only under Lemma 5.1 of the paper."""
+        return self.subcomplex.euler_characteristic()
+
+
+def sense_local_homology(
+    landmark_complex: LandmarkComplex, visible: Iterable[str], hops: Iterable[int] = (2, 3)
+) -> list[LocalHomology]:
+    """Count the holes of the landmark complex near a visible set (Algorithm 3).
+
+    Parameters
+    ----------
+    landmark_complex : LandmarkComplex
+        What all observations have built.
+    visible : iterable of str
+        The landmarks in view now; those the complex does not know are ignored.
+    hops : iterable of int, default (2, 3)
+        Radii of the neighborhoods, near and far in the paper; any order, not negative.
+
+    Returns
+    -------
+    list of LocalHomology
+        One for each radius, in the order given; all from one pass over the widest ball.
+
+    Raises
+    ------
+    InvalidComplexError
+        If a radius is negative.
+
+    Examples
+    --------
+    >>> k = LandmarkComplex.from_observations([{"a", "b"}, {"b", "c"}, {"a", "c"}])
+    >>> [(level.hops, level.holes) for level in sense_local_homology(k, {"a"}, hops=[0, 1])]
+    [(0, 0), (1, 1)]
+    """
+    wanted = list(hops)
+    rising = sorted(set(wanted))
+    balls = landmark_complex.hop_balls(visible, rising)
+    counts = landmark_complex.betti_of_balls(balls)
+    levels = {
+        radius: LocalHomology(landmark_complex, radius, ball, betti)
+        for radius, ball, betti in zip(rising, balls, counts, strict=True)
+    }
+    return [levels[radius] for radius in wanted]
