@@ -1,1 +1,66 @@
+"""Homological sensing: localization by counting holes in a landmark complex.
 
+The method of J. Derenick, A. Speranzon and R. Ghrist, "Homological Sensing for Mobile Robot
+Localization", ICRA 2013. Pure: values in, values out.
+"""
+
+from homsense.calibration import calibrate_r_geo
+from homsense.errors import (
+    ComputationLimitError,
+    HomsenseError,
+    InvalidComplexError,
+    InvalidConfigurationError,
+    InvalidInputError,
+    InvalidMapError,
+    InvalidScanError,
+)
+from homsense.estimate import Mode, PoseDistribution
+from homsense.free_space import FreeSpace
+from homsense.height import HeightMap
+from homsense.likelihood import CountNoise
+from homsense.localizer import Localizer, LocalizerConfig, LocalizerState
+from homsense.motion import ImuMotion, MotionModel, OdometryMotion
+from homsense.pose import Delta
+from homsense.prior import GaussianPrior, HeadingPrior, PolygonPrior, Prior, UniformPrior
+from homsense.relation import VisibilityRelation
+from homsense.scan import Reading, visible_landmarks
+from homsense.sensing import LocalHomology, sense_local_homology
+from homsense.simplicial import LandmarkComplex, landmark_complex, observation_complex
+from homsense.site_map import SiteMap
+
+__all__ = [
+    "ComputationLimitError",
+    "CountNoise",
+    "Delta",
+    "FreeSpace",
+    "GaussianPrior",
+    "HeadingPrior",
+    "HeightMap",
+    "HomsenseError",
+    "ImuMotion",
+    "InvalidComplexError",
+    "InvalidConfigurationError",
+    "InvalidInputError",
+    "InvalidMapError",
+    "InvalidScanError",
+    "LandmarkComplex",
+    "LocalHomology",
+    "Localizer",
+    "LocalizerConfig",
+    "LocalizerState",
+    "Mode",
+    "MotionModel",
+    "OdometryMotion",
+    "PolygonPrior",
+    "PoseDistribution",
+    "Prior",
+    "Reading",
+    "SiteMap",
+    "UniformPrior",
+    "VisibilityRelation",
+    "calibrate_r_geo",
+    "landmark_complex",
+    "observation_complex",
+    "sense_local_homology",
+    "visible_landmarks",
+]

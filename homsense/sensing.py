@@ -13,7 +13,7 @@ class LocalHomology:
 
     Parameters
     ----------
-    complex : LandmarkComplex
+    landmark_complex : LandmarkComplex
         The complex that was asked.
     hops : int
         Radius of the ball.
@@ -23,7 +23,7 @@ class LocalHomology:
         (b0, b1) of the subcomplex over GF(2).
     """
 
-    complex: LandmarkComplex
+    landmark_complex: LandmarkComplex
     hops: int
     landmarks: frozenset[str]
     betti: tuple[int, int]
@@ -41,7 +41,7 @@ class LocalHomology:
     @cached_property
     def subcomplex(self) -> LandmarkComplex:
         """The full subcomplex on the ball."""
-        return self.complex.induced(self.landmarks)
+        return self.landmark_complex.induced(self.landmarks)
 
     @property
     def n_facets(self) -> int:

@@ -5,10 +5,13 @@ from itertools import pairwise
 
 import networkx as nx
 import numpy as np
+import shapely
 from shapely import affinity
 from shapely.geometry import Polygon, box
 
 Rng = np.random.Generator
+
+STREET_M = 12.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,64 +24,80 @@ class City:
         Footprints, disjoint.
     roads : networkx.Graph
         Nodes are (x, y) places; edges are straight and free of buildings.
+    district : shapely.Polygon, optional
+        Where anybody can be at all, buildings not yet taken out; anywhere when absent.
     """
 
     buildings: tuple[Polygon, ...]
     roads: "nx.Graph[tuple[float, float]]"
+    district: Polygon | None = None
 
 
-def downtown(rng: Rng, *, blocks: int = 7, plazas: int = 5, pitch_m: float = 105.0) -> City:
-    """Build a downtown of ``blocks**2 - plazas`` buildings.
+def downtown(
+    rng: Rng, *, columns: int = 9, rows: int = 7, cut: int = 4, plazas: int = 9, pitch_m: float = 90.0
+) -> City:
+    """Build a downtown of ``columns * rows - cut * (cut + 1) / 2 - plazas`` buildings.
 
     Parameters
     ----------
     rng : numpy.random.Generator
         Source of all irregularity.
-    blocks : int, default 7
-        Blocks along each side.
-    plazas : int, default 5
-        Blocks left open.
-    pitch_m : float, default 105.0
+    columns, rows : int
+        Blocks to the east and to the north.
+    cut : int, default 4
+        Blocks that are missing along each side of one corner, as beside a river.
+    plazas : int, default 9
+        Blocks left open, anywhere.
+    pitch_m : float, default 90.0
         Mean distance between street axes, metres.
 
     Returns
     -------
     City
-        Buildings and roads in a square of about ``blocks * pitch_m`` metres.
+        Buildings and roads.
     """
-    x_axes = _street_axes(rng, blocks, pitch_m)
-    y_axes = _street_axes(rng, blocks, pitch_m)
-    inner = [(i, j) for i in range(1, blocks - 1) for j in range(1, blocks - 1)]
-    open_blocks = {inner[k] for k in rng.choice(len(inner), size=plazas, replace=False)}
+    x_axes = _street_axes(rng, columns, pitch_m)
+    y_axes = _street_axes(rng, rows, pitch_m)
+    flip_x, flip_y = rng.integers(2, size=2)
+    lots = [
+        (abs(flip_x * (columns - 1) - i), abs(flip_y * (rows - 1) - j))
+        for i in range(columns)
+        for j in range(rows)
+        if i + j >= cut
+    ]
+    plaza = set(rng.choice(len(lots), plazas, replace=False).tolist())
     buildings = tuple(
         _footprint(rng, box(x_axes[i], y_axes[j], x_axes[i + 1], y_axes[j + 1]))
-        for i in range(blocks)
-        for j in range(blocks)
-        if (i, j) not in open_blocks
+        for number, (i, j) in enumerate(lots)
+        if number not in plaza
     )
-    return City(buildings, _road_graph(x_axes, y_axes))
+    district = shapely.union_all(
+        [box(x_axes[i], y_axes[j], x_axes[i + 1], y_axes[j + 1]) for i, j in lots]
+    ).buffer(STREET_M, join_style="mitre")
+    return City(buildings, _road_graph(x_axes, y_axes, lots), district)
 
 
 def _street_axes(rng: Rng, blocks: int, pitch_m: float) -> list[float]:
-    widths = pitch_m * rng.uniform(0.86, 1.14, size=blocks)
+    widths = pitch_m * rng.uniform(0.85, 1.15, size=blocks)
     return [float(x) for x in np.concatenate([[0.0], np.cumsum(widths)])]
 
 
-def _road_graph(x_axes: list[float], y_axes: list[float]) -> "nx.Graph[tuple[float, float]]":
+def _road_graph(
+    x_axes: list[float], y_axes: list[float], lots: list[tuple[int, int]]
+) -> "nx.Graph[tuple[float, float]]":
+    """Return the streets around the lots."""
     roads: nx.Graph[tuple[float, float]] = nx.Graph()
-    for x in x_axes:
-        for y, y_next in pairwise(y_axes):
-            roads.add_edge((x, y), (x, y_next), length_m=y_next - y)
-    for y in y_axes:
-        for x, x_next in pairwise(x_axes):
-            roads.add_edge((x, y), (x_next, y), length_m=x_next - x)
+    for i, j in lots:
+        west, east, south, north = x_axes[i], x_axes[i + 1], y_axes[j], y_axes[j + 1]
+        corners = [(west, south), (east, south), (east, north), (west, north), (west, south)]
+        roads.add_edges_from(pairwise(corners))
     return roads
 
 
 def _footprint(rng: Rng, block: Polygon) -> Polygon:
     """Return an irregular building that keeps clear of the axes of the streets around it."""
     west, south, east, north = block.bounds
-    street = rng.uniform(9.0, 15.0, size=4)
+    street = rng.uniform(10.0, 15.0, size=4)
     lot = box(west + street[0], south + street[1], east - street[2], north - street[3])
     shape = _SHAPES[int(rng.integers(len(_SHAPES)))](rng, lot)
     turned = affinity.rotate(shape, float(rng.uniform(-4.0, 4.0)))

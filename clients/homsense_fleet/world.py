@@ -7,13 +7,12 @@ import networkx as nx
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from shapely.geometry import MultiPolygon, Polygon, mapping, shape
+from shapely.geometry import MultiPolygon, Polygon, box, mapping, shape
 
 from homsense_fleet.city import City, downtown
 
 Rng = np.random.Generator
 FloatArray = NDArray[np.float64]
-Roads = "nx.Graph[tuple[float, float]]"
 
 CLEARANCE_M = 2.0
 
@@ -36,7 +35,7 @@ class Radio:
         Standard deviation of the strength, dB.
     """
 
-    s_max_m: float = 80.0
+    s_max_m: float = 72.0
     dropout: float = 0.05
     tx_dbm: float = -35.0
     exponent: float = 2.7
@@ -72,12 +71,15 @@ class World:
 
     def map_document(self) -> dict[str, Any]:
         """Return the unlabeled map as GeoJSON in local metres."""
+        areas = [({}, building) for building in self.city.buildings]
+        if self.city.district is not None:
+            areas.append(({"role": "domain"}, self.city.district))
         return {
             "type": "FeatureCollection",
             "frame": "local",
             "features": [
-                {"type": "Feature", "properties": {}, "geometry": mapping(building)}
-                for building in self.city.buildings
+                {"type": "Feature", "properties": properties, "geometry": mapping(area)}
+                for properties, area in areas
             ],
         }
 
@@ -175,23 +177,24 @@ def world_from_geojson(
 def _populate(name: str, city: City, rng: Rng, count: int, radio: Radio) -> World:
     walls = MultiPolygon(list(city.buildings))
     shapely.prepare(walls)
-    places = _well_spread(rng, walls, count)
+    district = city.district or box(*walls.bounds).buffer(10.0, join_style="mitre")
+    shapely.prepare(district)
+    places = _well_spread(rng, district, walls, count)
     ids = tuple(_bssid(rng) for _ in range(count))
     return World(name, city, places, ids, radio, walls)
 
 
-def _well_spread(rng: Rng, walls: MultiPolygon, count: int, candidates: int = 40) -> FloatArray:
-    """Place transmitters outside, each the candidate farthest from those before it."""
-    west, south, east, north = walls.bounds
-    low = np.array([west, south]) - 10.0
-    high = np.array([east, north]) + 10.0
+def _well_spread(
+    rng: Rng, district: Polygon, walls: MultiPolygon, count: int, candidates: int = 40
+) -> FloatArray:
+    """Place transmitters outside the walls, each the candidate farthest from those before it."""
+    west, south, east, north = district.bounds
     chosen = np.empty((0, 2))
     while len(chosen) < count:
-        tried = rng.uniform(low, high, size=(candidates, 2))
-        tried = tried[~shapely.intersects_xy(walls, tried[:, 0], tried[:, 1])]
-        if not len(tried):
-            continue
-        if len(chosen):
+        tried = rng.uniform((west, south), (east, north), size=(candidates, 2))
+        inside = shapely.intersects_xy(district, tried[:, 0], tried[:, 1])
+        tried = tried[inside & ~shapely.intersects_xy(walls, tried[:, 0], tried[:, 1])]
+        if len(tried) and len(chosen):
             gaps = np.linalg.norm(tried[:, None] - chosen[None], axis=2).min(axis=1)
             tried = tried[[int(gaps.argmax())]]
         chosen = np.vstack([chosen, tried[:1]])

@@ -1,0 +1,94 @@
+"""How well expected counts explain a measured one: P(z|x) (Algorithm 1, line 12; section VI)."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homsense.errors import InvalidConfigurationError, InvalidInputError
+from homsense.height import HeightMap
+
+FloatArray = NDArray[np.float64]
+
+MAX_COUNT = 1_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class CountNoise:
+    """The error of the homological sensor.
+
+    The error is a random field over space, not fresh noise at each scan: devices that stand close
+    together err alike. A measurement taken after a short way repeats the one before, so its
+    likelihood is raised to ``way / correlation_m``, at most 1.
+
+    Parameters
+    ----------
+    sigma : float, default 1.5
+        Standard deviation of a count, inflated, in holes.
+    floor : float, default 0.02
+        Share of measurements that say nothing, in [0, 1).
+    correlation_m : float, default 300.0
+        Way after which the error is new, metres.
+
+    Raises
+    ------
+    InvalidConfigurationError
+        If a parameter is out of range.
+    """
+
+    sigma: float = 1.5
+    floor: float = 0.02
+    correlation_m: float = 300.0
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.sigma) and self.sigma > 0.0):
+            message = f"sigma must be positive, not {self.sigma}"
+            raise InvalidConfigurationError(message, "sigma")
+        if not 0.0 <= self.floor < 1.0:
+            message = f"floor must be in [0, 1), not {self.floor}"
+            raise InvalidConfigurationError(message, "floor")
+        if not (math.isfinite(self.correlation_m) and self.correlation_m > 0.0):
+            message = f"correlation_m must be positive, not {self.correlation_m}"
+            raise InvalidConfigurationError(message, "correlation_m")
+
+
+def log_likelihood(
+    poses: FloatArray, heights: Sequence[HeightMap], counts: Sequence[int], noise: CountNoise
+) -> FloatArray:
+    """Return the log-likelihood of measured counts: near times far, each a floored Gaussian.
+
+    Parameters
+    ----------
+    poses : ndarray, shape (N, 3), float64
+        Particles.
+    heights : sequence of HeightMap
+        Expected counts, one map for each neighborhood.
+    counts : sequence of int
+        Measured counts in the same order, in [0, 1e6].
+    noise : CountNoise
+        The error model.
+
+    Returns
+    -------
+    ndarray, shape (N,), float64
+        Natural logarithms, at most 0; a place outside the maps explains nothing.
+
+    Raises
+    ------
+    InvalidInputError
+        If the number of counts differs from that of the maps, or a count is out of range.
+    """
+    if len(counts) != len(heights):
+        message = f"{len(heights)} counts are expected, not {len(counts)}"
+        raise InvalidInputError(message, "counts")
+    total = np.zeros(len(poses))
+    for height, count in zip(heights, counts, strict=True):
+        if not 0 <= count <= MAX_COUNT:
+            message = f"a count must be in [0, {MAX_COUNT}], not {count}"
+            raise InvalidInputError(message, "counts")
+        apart = (height.at(poses[:, :2]) - count) / noise.sigma
+        match = np.exp(-0.5 * np.square(np.nan_to_num(apart, nan=np.inf)))
+        total += np.log(np.maximum(noise.floor + (1.0 - noise.floor) * match, 1e-300))
+    return total

@@ -1,0 +1,84 @@
+"""Errors -> problem+json, for every route alike."""
+
+import logging
+from collections.abc import Sequence
+from typing import Any
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from starlette.exceptions import HTTPException
+from starlette.responses import JSONResponse
+
+import homsense
+from homsense_service.errors import ServiceError
+from homsense_service.problems import (
+    INTERNAL,
+    INVALID_REQUEST,
+    MALFORMED_JSON,
+    TOO_LARGE,
+    Kind,
+    kind_of,
+    problem,
+)
+
+MEDIA_TYPE = "application/problem+json"
+
+_log = logging.getLogger(__name__)
+
+
+def install(app: FastAPI) -> None:
+    """Answer every error of an application with a problem."""
+    app.add_exception_handler(RequestValidationError, _invalid_request)
+    app.add_exception_handler(HTTPException, _http_error)
+    app.add_exception_handler(ServiceError, _known_error)
+    app.add_exception_handler(homsense.HomsenseError, _known_error)
+    app.add_exception_handler(Exception, _internal)
+
+
+def _answer(
+    kind: Kind,
+    detail: str,
+    fields: list[tuple[str, str]] | None = None,
+    headers: dict[str, str] | None = None,
+) -> JSONResponse:
+    body = problem(kind, detail, fields)
+    return JSONResponse(body, status_code=kind.status, media_type=MEDIA_TYPE, headers=headers)
+
+
+async def _invalid_request(_request: Request, error: Exception) -> JSONResponse:
+    assert isinstance(error, RequestValidationError)  # noqa: S101 - narrows for the type checker
+    found: Sequence[dict[str, Any]] = error.errors()
+    if any(entry["type"] == "json_invalid" for entry in found):
+        return _answer(MALFORMED_JSON, "the body cannot be read as JSON")
+    fields = [(_path(entry["loc"]), str(entry["msg"])) for entry in found]
+    path, message = fields[0]
+    return _answer(INVALID_REQUEST, f"{path}: {message}", fields)
+
+
+async def _http_error(_request: Request, error: Exception) -> JSONResponse:
+    assert isinstance(error, HTTPException)  # noqa: S101 - narrows for the type checker
+    detail = str(error.detail)
+    kind = TOO_LARGE if error.status_code == TOO_LARGE.status else _plain(error.status_code, detail)
+    return _answer(kind, detail, headers=dict(error.headers or {}))
+
+
+async def _known_error(_request: Request, error: Exception) -> JSONResponse:
+    path = getattr(error, "field", None)
+    fields = None if path is None else [(path, str(error))]
+    return _answer(kind_of(error), str(error), fields)
+
+
+async def _internal(request: Request, error: Exception) -> JSONResponse:
+    _log.error("%s %s failed", request.method, request.url.path, exc_info=error)
+    return _answer(INTERNAL, "the failure was logged")
+
+
+def _plain(status: int, detail: str) -> Kind:
+    return Kind(status, detail.lower().replace(" ", "_"), detail)
+
+
+def _path(location: Sequence[str | int]) -> str:
+    """Return a dotted path without the part of the request and without union branches."""
+    parts = [str(part) for part in location]
+    inside = parts[1:] if parts[0] in ("body", "query", "path") else parts
+    return ".".join(inside) or parts[0]

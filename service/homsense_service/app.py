@@ -1,0 +1,57 @@
+"""The composition root: settings -> application."""
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from importlib.metadata import version
+
+from fastapi import FastAPI
+
+from homsense_service import answers
+from homsense_service.gzip_requests import GzipRequests
+from homsense_service.operations import Operations
+from homsense_service.routes import health, scans, sessions, sites
+from homsense_service.sessions import SessionTable
+from homsense_service.settings import Settings
+from homsense_service.sites import SiteRegistry
+from homsense_service.store import SqliteStore
+
+
+def create_app(settings: Settings | None = None) -> FastAPI:
+    """Return the application.
+
+    Parameters
+    ----------
+    settings : Settings, optional
+        Read from the environment when absent.
+
+    Returns
+    -------
+    FastAPI
+        Opens the store when it starts and closes it when it stops.
+    """
+    chosen = settings or Settings()
+
+    @asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        store = SqliteStore(chosen.data)
+        try:
+            registry = SiteRegistry(store, chosen)
+            table = SessionTable(chosen.max_sessions)
+            app.state.operations = Operations(registry, table, chosen)
+            yield
+        finally:
+            store.close()
+
+    app = FastAPI(
+        title="homsense",
+        version=version("homsense"),
+        summary="Localization without survey, GPS or labels, by homological sensing.",
+        license_info={"name": "Apache-2.0", "identifier": "Apache-2.0"},
+        lifespan=lifespan,
+        max_body_size=chosen.max_body_bytes,
+    )
+    answers.install(app)
+    app.add_middleware(GzipRequests, max_bytes=chosen.max_body_bytes)
+    for module in (health, sites, scans, sessions):
+        app.include_router(module.router)
+    return app

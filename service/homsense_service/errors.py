@@ -1,0 +1,29 @@
+"""The errors of the service; `problems.py` says how each is answered."""
+
+
+class ServiceError(Exception):
+    """The root of the tree; never raised itself."""
+
+
+class SiteNotFoundError(ServiceError):
+    """No site has this name."""
+
+
+class SessionNotFoundError(ServiceError):
+    """No session has this identifier; it may have been closed."""
+
+
+class MapMissingError(ServiceError):
+    """The site has no map yet."""
+
+
+class SequenceConflictError(ServiceError):
+    """A step number lies in the past and its first answer is not the one asked for."""
+
+
+class CapacityError(ServiceError):
+    """The service holds as many sessions as it may."""
+
+
+class StoreError(ServiceError):
+    """The data directory cannot be used."""

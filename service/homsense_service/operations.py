@@ -1,0 +1,105 @@
+"""What the service does. Every rim parses, calls one of these, and renders the answer."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import homsense
+from homsense_service import schemas
+from homsense_service.records import StoredReading, StoredScan
+from homsense_service.sessions import Fix, Session, SessionTable, Step
+from homsense_service.settings import Settings
+from homsense_service.sites import Site, SiteRegistry
+
+
+@dataclass(frozen=True, slots=True)
+class Ingested:
+    """What became of a batch of scans."""
+
+    accepted: int
+    duplicate: int
+    dropped: list[tuple[int, str]]
+    complex_version: int
+
+
+class Operations:
+    """The service without any rim.
+
+    Parameters
+    ----------
+    sites : SiteRegistry
+        All sites.
+    sessions : SessionTable
+        All live sessions.
+    settings : Settings
+        Limits.
+    """
+
+    def __init__(self, sites: SiteRegistry, sessions: SessionTable, settings: Settings) -> None:
+        self.sites = sites
+        self.sessions = sessions
+        self._settings = settings
+
+    def delete_site(self, name: str) -> None:
+        """Delete a site and close its sessions."""
+        site = self.sites.get(name)
+        self.sites.delete(name)
+        self.sessions.close_site(site)
+
+    def ingest_scans(
+        self, name: str, batch: Sequence[schemas.ScanIn | schemas.DroppedScan]
+    ) -> Ingested:
+        """Log the sound scans of a batch, then join them into the complex."""
+        site = self.sites.get(name)
+        sound: list[StoredScan] = []
+        dropped: list[tuple[int, str]] = []
+        for index, scan in enumerate(batch):
+            try:
+                sound.append(self._stored(scan))
+            except ValueError as error:
+                dropped.append((index, str(error)))
+        fresh, version = self.sites.add_scans(site, sound)
+        return Ingested(sum(fresh), len(fresh) - sum(fresh), dropped, version.number)
+
+    def sense(
+        self, name: str, heard: tuple[StoredReading, ...], hops: list[int] | None
+    ) -> tuple[Site, frozenset[str], list[homsense.LocalHomology]]:
+        """Count the holes near a scan."""
+        site = self.sites.get(name)
+        visible = site.visible(heard)
+        return site, visible, site.sense(visible, tuple(hops or site.config.hops))
+
+    def open_session(self, name: str, request: schemas.SessionIn) -> Session:
+        """Start localizing a device on a site."""
+        site = self.sites.get(name)
+        version = site.require_map()
+        hops = tuple(request.sensor.hops or site.config.hops)
+        config = request.to_localizer_config(self._settings.cell_m)
+        heights = site.heights(hops)
+        localizer = homsense.Localizer(
+            version.site_map, heights, config, free_space=version.free_space
+        )
+        return self.sessions.open(site, version, localizer, hops, request.seed)
+
+    def take_steps(
+        self, name: str, steps: Sequence[schemas.StepIn], answer: Any  # noqa: ANN401
+    ) -> Any:  # noqa: ANN401
+        """Apply steps to a session and answer with what follows from the last."""
+        session = self.sessions.get(name)
+
+        def answered(fix: Fix) -> Any:  # noqa: ANN401
+            return answer(session, fix)
+
+        return session.apply([_step(session, step) for step in steps], answered)
+
+    def _stored(self, scan: schemas.ScanIn | schemas.DroppedScan) -> StoredScan:
+        if isinstance(scan, schemas.DroppedScan):
+            raise ValueError(scan.reason)
+        return scan.to_stored(self._settings.max_landmarks_per_scan)
+
+
+def _step(session: Session, wire: schemas.StepIn) -> Step:
+    visible = None
+    if wire.landmarks is not None:
+        visible = session.site.visible(schemas.readings(wire.landmarks))
+    return Step(wire.seq, wire.seconds(), wire.delta.to_delta(), visible)

@@ -1,0 +1,253 @@
+"""Values -> wire: poses, distributions, height maps and complexes."""
+
+import base64
+import io
+from typing import Any
+
+import networkx as nx
+import numpy as np
+import shapely
+from PIL import Image
+from shapely.geometry import mapping
+
+import homsense
+from homsense_service import schemas
+from homsense_service.sessions import Fix, Session
+from homsense_service.sites import ComplexVersion, MapVersion, Site
+
+LEVELS = (0.5, 0.9, 0.95)
+MAX_MODES = 16
+EULER_TERMS = 20_000
+
+
+def render_site(site: Site) -> schemas.SiteOut:
+    """Return a site and what it holds."""
+    return schemas.SiteOut(
+        site=site.name,
+        config=schemas.SiteIn.from_config(site.config),
+        map_version=None if site.map is None else site.map.digest,
+        observations=site.complex.number,
+        landmarks=len(site.complex.landmark_complex.landmarks),
+    )
+
+
+def render_map(version: MapVersion) -> schemas.MapOut:
+    """Return what became of a map."""
+    site_map = version.site_map
+    origin = site_map.origin
+    return schemas.MapOut(
+        version=version.digest,
+        structures=len(site_map.structures),
+        courtyards=len(site_map.courtyards),
+        bounds_m=list(site_map.bounds),
+        free_area_m2=float(site_map.free_space.area),
+        origin=None if origin is None else schemas.Origin(lat=origin[0], lon=origin[1]),
+    )
+
+
+def render_complex(version: ComplexVersion) -> schemas.ComplexOut:
+    """Return the numbers of a complex."""
+    grown = version.landmark_complex
+    return schemas.ComplexOut(
+        version=version.number,
+        digest=grown.digest(),
+        observations=version.number,
+        devices=len(version.devices),
+        landmarks=len(grown.landmarks),
+        facets=len(grown.facets),
+        edges=grown.n_edges(),
+        betti=list(grown.betti_numbers()),
+        euler=_euler(grown),
+    )
+
+
+def render_facets(grown: homsense.LandmarkComplex) -> dict[str, Any]:
+    """Return the facets in lexicographic order."""
+    return {"facets": sorted(sorted(facet) for facet in grown.facets)}
+
+
+def render_hif(grown: homsense.LandmarkComplex) -> dict[str, Any]:
+    """Return the complex in the hypergraph interchange format: facets are edges."""
+    facets = render_facets(grown)["facets"]
+    return {
+        "network-type": "asc",
+        "metadata": {"generator": "homsense", "digest": grown.digest()},
+        "nodes": [{"node": landmark} for landmark in sorted(grown.landmarks)],
+        "edges": [{"edge": number} for number in range(len(facets))],
+        "incidences": [
+            {"edge": number, "node": landmark}
+            for number, facet in enumerate(facets)
+            for landmark in facet
+        ],
+    }
+
+
+def render_node_link(grown: homsense.LandmarkComplex) -> dict[str, Any]:
+    """Return the 1-skeleton as node-link data."""
+    data: dict[str, Any] = nx.node_link_data(grown.skeleton(), edges="edges")
+    return data
+
+
+def render_level(level: homsense.LocalHomology) -> schemas.Level:
+    """Return the homology of one neighborhood."""
+    return schemas.Level(
+        hops=level.hops,
+        vertices=level.n_landmarks,
+        facets=level.n_facets,
+        betti=list(level.betti),
+        euler=_euler(level.subcomplex),
+        holes=level.holes,
+    )
+
+
+def render_height_map(height: homsense.HeightMap, hops: int) -> schemas.HeightMapOut:
+    """Return a height map as numbers."""
+    grid = height.grid
+    return schemas.HeightMapOut(
+        hops=hops,
+        r_geo_m=height.r_geo_m,
+        cell_m=grid.cell_m,
+        west_m=grid.west_m,
+        south_m=grid.south_m,
+        columns=grid.columns,
+        rows=grid.rows,
+        values=height.values.astype(float).tolist(),
+    )
+
+
+def render_height_png(height: homsense.HeightMap) -> bytes:
+    """Return a height map as a grey picture, north up, white for the most holes."""
+    top = max(1.0, float(height.values.max()))
+    pixels = np.round(255.0 * height.values[::-1] / top).astype(np.uint8)
+    buffer = io.BytesIO()
+    Image.fromarray(pixels).save(buffer, format="PNG")
+    return buffer.getvalue()
+
+
+def render_pose(session: Session, fix: Fix) -> schemas.PoseOut:
+    """Return a pose distribution in short."""
+    pose = fix.pose
+    modes = pose.modes
+    top = modes[0]
+    status = "initializing" if fix.tick == 0 else pose.status
+    known = status in ("ambiguous", "tracking")
+    origin = None
+    if known and session.map_version.site_map.origin is not None:
+        ((lon, lat),) = session.map_version.site_map.to_wgs84(np.array([[top.x_m, top.y_m]]))
+        origin = schemas.Origin(lat=float(lat), lon=float(lon))
+    return schemas.PoseOut(
+        session=session.name,
+        seq=fix.seq,
+        tick=fix.tick,
+        t=fix.t,
+        status=status,
+        pose=schemas.BestPose(
+            x_m=top.x_m, y_m=top.y_m, heading_rad=top.heading_rad, accuracy_m=top.accuracy_m
+        )
+        if known
+        else None,
+        confidence=top.weight,
+        modes=[_mode(mode) for mode in modes[:MAX_MODES]],
+        region_area_m2={f"{level:.0%}": pose.region_area_m2(level) for level in LEVELS},
+        measurement=None
+        if fix.holes is None
+        else schemas.MeasurementOut(hops=list(session.hops), holes=list(fix.holes)),
+        health=schemas.HealthOut(ess=pose.ess, particles=len(pose.weights)),
+        map_version=session.map_version.digest,
+        geo=origin,
+    )
+
+
+def render_session(session: Session) -> schemas.SessionOut:
+    """Return an open session."""
+    return schemas.SessionOut(
+        session=session.name,
+        site=session.site.name,
+        map_version=session.map_version.digest,
+        seed=session.seed,
+        hops=list(session.hops),
+        r_geo_m=[height.r_geo_m for height in session.localizer.heights],
+        pose=render_pose(session, session.fix),
+    )
+
+
+def render_particles(pose: homsense.PoseDistribution, count: int) -> schemas.ParticlesOut:
+    """Return a thinned set of particles."""
+    return schemas.ParticlesOut(particles=pose.poses[pose.thinned(count)].tolist())
+
+
+def render_grid(pose: homsense.PoseDistribution) -> dict[str, Any]:
+    """Return the density as bytes: 255 is the heaviest cell, rows from the south."""
+    rows, columns = pose.density.shape
+    top = float(pose.density.max())
+    pixels = np.round(255.0 * pose.density / top).astype(np.uint8)
+    west, south = pose.corner
+    return {
+        "west_m": west,
+        "south_m": south,
+        "cell_m": pose.cell_m,
+        "columns": columns,
+        "rows": rows,
+        "max": top,
+        "encoding": "base64-uint8",
+        "data": base64.b64encode(pixels.tobytes()).decode(),
+    }
+
+
+def render_geojson(
+    pose: homsense.PoseDistribution, site_map: homsense.SiteMap
+) -> dict[str, Any]:
+    """Return modes as points and highest-density regions as polygons.
+
+    Positions are longitude and latitude when the map has a georeference, else metres, which the
+    member ``"frame": "local"`` says.
+    """
+    located = site_map.origin is not None
+
+    def feature(geometry: shapely.Geometry, properties: dict[str, Any]) -> dict[str, Any]:
+        if located:
+            geometry = shapely.transform(geometry, site_map.to_wgs84)
+        return {"type": "Feature", "geometry": mapping(geometry), "properties": properties}
+
+    points = [
+        feature(
+            shapely.Point(mode.x_m, mode.y_m),
+            {"kind": "mode", "weight": mode.weight, "accuracy_m": mode.accuracy_m},
+        )
+        for mode in pose.modes[:MAX_MODES]
+    ]
+    regions = [
+        feature(
+            _region(pose, level),
+            {"kind": "region", "level": level, "area_m2": pose.region_area_m2(level)},
+        )
+        for level in LEVELS
+    ]
+    document: dict[str, Any] = {"type": "FeatureCollection", "features": [*points, *regions]}
+    return document if located else {**document, "frame": "local"}
+
+
+def _region(pose: homsense.PoseDistribution, level: float) -> shapely.MultiPolygon:
+    row, column = np.nonzero(pose.region(level))
+    west, south = pose.corner
+    x, y = west + column * pose.cell_m, south + row * pose.cell_m
+    cells = shapely.union_all(shapely.box(x, y, x + pose.cell_m, y + pose.cell_m))
+    return shapely.MultiPolygon([part for part in shapely.get_parts(cells)])
+
+
+def _mode(mode: homsense.Mode) -> schemas.ModeOut:
+    return schemas.ModeOut(
+        weight=mode.weight,
+        x_m=mode.x_m,
+        y_m=mode.y_m,
+        covariance=mode.covariance.tolist(),
+        heading=schemas.HeadingOut(mean_rad=mode.heading_rad, resultant=mode.resultant),
+        accuracy_m=mode.accuracy_m,
+    )
+
+
+def _euler(grown: homsense.LandmarkComplex) -> int | None:
+    try:
+        return grown.euler_characteristic(max_terms=EULER_TERMS)
+    except homsense.ComputationLimitError:
+        return None

@@ -1,0 +1,59 @@
+"""Scans, the complex that they build, and its local homology."""
+
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, Query
+
+from homsense_service import rendering, schemas
+from homsense_service.routes.access import OperationsDep, SiteParam, problems
+
+router = APIRouter(prefix="/v1/sites/{site}", tags=["scans"])
+
+
+@router.post("/scans", summary="Post scans", responses=problems(400, 404, 413, 422))
+def post_scans(
+    site: SiteParam, batch: schemas.ScansIn, operations: OperationsDep
+) -> schemas.ScansOut:
+    """Take a batch of scans; the answer leaves after they are durable."""
+    done = operations.ingest_scans(site, batch.scans)
+    return schemas.ScansOut(
+        accepted=done.accepted,
+        duplicate=done.duplicate,
+        dropped=[schemas.Dropped(index=index, reason=reason) for index, reason in done.dropped],
+        complex_version=done.complex_version,
+    )
+
+
+@router.get("/complex", summary="The landmark complex", responses=problems(404, 422))
+def get_complex(
+    site: SiteParam,
+    operations: OperationsDep,
+    format: Annotated[  # noqa: A002 - the name of the query parameter
+        Literal["facets", "hif", "node-link"] | None,
+        Query(description="Export the complex instead of its numbers."),
+    ] = None,
+) -> schemas.ComplexOut | dict[str, Any]:
+    """Return the numbers of the complex, or the complex itself."""
+    version = operations.sites.get(site).complex
+    if format is None:
+        return rendering.render_complex(version)
+    exports = {
+        "facets": rendering.render_facets,
+        "hif": rendering.render_hif,
+        "node-link": rendering.render_node_link,
+    }
+    return exports[format](version.landmark_complex)
+
+
+@router.post("/local-homology", summary="Count holes", responses=problems(400, 404, 413, 422))
+def post_local_homology(
+    site: SiteParam, question: schemas.LocalHomologyIn, operations: OperationsDep
+) -> schemas.LocalHomologyOut:
+    """Count the holes of the complex near a scan."""
+    heard = schemas.readings(question.landmarks)
+    found, visible, levels = operations.sense(site, heard, question.hops)
+    return schemas.LocalHomologyOut(
+        complex_version=found.complex.number,
+        known=len(visible & levels[0].landmark_complex.landmarks),
+        levels=[rendering.render_level(level) for level in levels],
+    )

@@ -1,0 +1,81 @@
+"""Sessions: localizing a device."""
+
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, Query
+
+from homsense_service import rendering, schemas
+from homsense_service.routes.access import OperationsDep, SessionParam, SiteParam, problems
+
+router = APIRouter(prefix="/v1", tags=["sessions"])
+
+
+@router.post(
+    "/sites/{site}/sessions",
+    status_code=201,
+    summary="Open a session",
+    responses=problems(400, 404, 409, 422, 503),
+)
+def open_session(
+    site: SiteParam, request: schemas.SessionIn, operations: OperationsDep
+) -> schemas.SessionOut:
+    """Start localizing a device on the current map of a site."""
+    return rendering.render_session(operations.open_session(site, request))
+
+
+@router.post(
+    "/sessions/{session}/steps",
+    summary="Post motion and scans",
+    responses=problems(400, 404, 409, 413, 422),
+)
+def post_steps(
+    session: SessionParam, batch: schemas.StepsIn, operations: OperationsDep
+) -> schemas.PoseOut:
+    """Apply steps in the order of ``seq`` and return the pose after the last.
+
+    Repeating a request answers as before and changes nothing.
+    """
+    answer: schemas.PoseOut = operations.take_steps(session, batch.steps, rendering.render_pose)
+    return answer
+
+
+@router.get("/sessions/{session}/pose", summary="The pose", responses=problems(404, 422))
+def get_pose(session: SessionParam, operations: OperationsDep) -> schemas.PoseOut:
+    """Return what is known about the pose."""
+    found = operations.sessions.get(session)
+    return rendering.render_pose(found, found.fix)
+
+
+@router.get("/sessions/{session}/particles", summary="Particles", responses=problems(404, 422))
+def get_particles(
+    session: SessionParam,
+    operations: OperationsDep,
+    n: Annotated[int, Query(ge=1, le=10_000, description="How many.")] = 500,
+) -> schemas.ParticlesOut:
+    """Return particles of equal weight that represent all."""
+    return rendering.render_particles(operations.sessions.get(session).fix.pose, n)
+
+
+@router.get(
+    "/sessions/{session}/distribution", summary="The distribution", responses=problems(404, 422)
+)
+def get_distribution(
+    session: SessionParam,
+    operations: OperationsDep,
+    format: Annotated[  # noqa: A002 - the name of the query parameter
+        Literal["geojson", "grid"], Query(description="Modes and regions, or the density.")
+    ] = "geojson",
+) -> dict[str, Any]:
+    """Return the distribution as GeoJSON or as a grid."""
+    found = operations.sessions.get(session)
+    if format == "grid":
+        return rendering.render_grid(found.fix.pose)
+    return rendering.render_geojson(found.fix.pose, found.map_version.site_map)
+
+
+@router.delete(
+    "/sessions/{session}", status_code=204, summary="Close a session", responses=problems(404, 422)
+)
+def close_session(session: SessionParam, operations: OperationsDep) -> None:
+    """Forget a session."""
+    operations.sessions.close(session)

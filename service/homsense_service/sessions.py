@@ -1,0 +1,232 @@
+"""Live sessions: one device's run on a site."""
+
+import secrets
+import threading
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import homsense
+from homsense_service.errors import CapacityError, SequenceConflictError, SessionNotFoundError
+from homsense_service.sites import MapVersion, Site
+
+_REMEMBERED = 1024
+
+Answer = TypeVar("Answer")
+
+
+@dataclass(frozen=True)
+class Fix:
+    """The answer to a step.
+
+    Parameters
+    ----------
+    seq : int
+        Number of the step; 0 before the first.
+    t : float, optional
+        Time of the step as the device gave it, seconds.
+    pose : homsense.PoseDistribution
+        What is known.
+    holes : tuple of int, optional
+        The measurement that was used.
+    tick : int
+        Steps taken so far.
+    """
+
+    seq: int
+    t: float | None
+    pose: homsense.PoseDistribution
+    holes: tuple[int, ...] | None
+    tick: int
+
+
+@dataclass(frozen=True)
+class Step:
+    """One input of a session.
+
+    Parameters
+    ----------
+    seq : int
+        Number of the step, rising, from 1.
+    t : float, optional
+        Time, seconds.
+    delta : homsense.Delta
+        Motion since the step before.
+    visible : frozenset of str, optional
+        Landmarks in view.
+    """
+
+    seq: int
+    t: float | None
+    delta: homsense.Delta
+    visible: frozenset[str] | None
+
+
+class Session:
+    """The state of one run and its lock.
+
+    Parameters
+    ----------
+    name : str
+        Identifier.
+    site : Site
+        Where it runs.
+    map_version : MapVersion
+        The map it was opened on; a later map does not change it.
+    localizer : homsense.Localizer
+        The filter.
+    hops : tuple of int
+        Neighborhoods whose holes are counted.
+    seed : int
+        Key of its random numbers.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        site: Site,
+        map_version: MapVersion,
+        localizer: homsense.Localizer,
+        hops: tuple[int, ...],
+        seed: int,
+    ) -> None:
+        self.name = name
+        self.site = site
+        self.map_version = map_version
+        self.localizer = localizer
+        self.hops = hops
+        self.seed = seed
+        self._lock = threading.Lock()
+        self._state = localizer.start(seed)
+        self._fix = Fix(0, None, localizer.estimate(self._state), None, 0)
+        self._applied: OrderedDict[int, Step] = OrderedDict()
+        self._answers: OrderedDict[int, Any] = OrderedDict()
+
+    @property
+    def fix(self) -> Fix:
+        """The latest answer."""
+        return self._fix
+
+    def apply(self, steps: list[Step], answer: Callable[[Fix], Answer]) -> Answer:
+        """Apply steps in the order of `seq`; those applied before change nothing.
+
+        Parameters
+        ----------
+        steps : list of Step
+            At least one.
+        answer : callable
+            Makes the answer from the fix after the last step.
+
+        Returns
+        -------
+        Answer
+            The same as before when all steps were applied before and the last one was answered.
+
+        Raises
+        ------
+        SequenceConflictError
+            If a step lies in the past and is unknown, forgotten or different; then none of the
+            steps is applied.
+        """
+        ordered = sorted(steps, key=lambda step: step.seq)
+        last = ordered[-1].seq
+        with self._lock:
+            self._check(ordered)
+            if last <= self._fix.seq:
+                return self._answers.get(last) or answer(self._fix)
+            for step in ordered:
+                if step.seq > self._fix.seq:
+                    self._advance(step)
+            self._answers[last] = answer(self._fix)
+            _forget_oldest(self._answers)
+            return self._answers[last]
+
+    def _check(self, ordered: list[Step]) -> None:
+        pending: dict[int, Step] = {}
+        for step in ordered:
+            before = pending.get(step.seq) or self._applied.get(step.seq)
+            if before is not None and before != step:
+                message = f"step {step.seq} was given before with other content"
+                raise SequenceConflictError(message)
+            if before is None and step.seq <= self._fix.seq:
+                message = f"step {step.seq} lies before step {self._fix.seq}, already applied"
+                raise SequenceConflictError(message)
+            pending[step.seq] = step
+
+    def _advance(self, step: Step) -> None:
+        duration = 1.0
+        if step.t is not None and self._fix.t is not None:
+            duration = max(0.0, step.t - self._fix.t)
+        levels = self.site.sense(step.visible, self.hops) if step.visible else None
+        holes = None
+        if levels is not None and levels[0].n_landmarks:
+            holes = tuple(level.holes for level in levels)
+        delta = step.delta._replace(dt_s=duration)
+        self._state, pose = self.localizer.step(self._state, delta, holes)
+        self._fix = Fix(step.seq, step.t, pose, holes, self._state.tick)
+        self._applied[step.seq] = step
+        _forget_oldest(self._applied)
+
+
+def _forget_oldest(remembered: OrderedDict[int, Any]) -> None:
+    while len(remembered) > _REMEMBERED:
+        remembered.popitem(last=False)
+
+
+class SessionTable:
+    """All live sessions.
+
+    Parameters
+    ----------
+    capacity : int
+        How many there may be.
+    """
+
+    def __init__(self, capacity: int) -> None:
+        self._capacity = capacity
+        self._lock = threading.Lock()
+        self._sessions: dict[str, Session] = {}
+
+    def open(
+        self,
+        site: Site,
+        map_version: MapVersion,
+        localizer: homsense.Localizer,
+        hops: tuple[int, ...],
+        seed: int | None,
+    ) -> Session:
+        """Start a session; draw a seed when none is given."""
+        chosen = secrets.randbits(64) if seed is None else seed
+        name = secrets.token_urlsafe(12)
+        session = Session(name, site, map_version, localizer, hops, chosen)
+        with self._lock:
+            if len(self._sessions) >= self._capacity:
+                message = f"there are {self._capacity} sessions already"
+                raise CapacityError(message)
+            self._sessions[name] = session
+        return session
+
+    def get(self, name: str) -> Session:
+        """Return a session or raise `SessionNotFoundError`."""
+        try:
+            return self._sessions[name]
+        except KeyError:
+            message = f"there is no session {name!r}"
+            raise SessionNotFoundError(message) from None
+
+    def close(self, name: str) -> None:
+        """Forget a session."""
+        with self._lock:
+            self.get(name)
+            del self._sessions[name]
+
+    def close_site(self, site: Site) -> None:
+        """Forget all sessions of a site."""
+        with self._lock:
+            gone = [name for name, session in self._sessions.items() if session.site is site]
+            for name in gone:
+                del self._sessions[name]
+
+    def __len__(self) -> int:
+        return len(self._sessions)

@@ -1,0 +1,30 @@
+"""Settings; the only reader of the environment."""
+
+from pathlib import Path
+
+from pydantic import Field
+from pydantic_settings import BaseSettings, SettingsConfigDict
+
+
+class Settings(BaseSettings):
+    """What an operator can set, by environment variables with the prefix ``HOMSENSE_``."""
+
+    model_config = SettingsConfigDict(env_prefix="HOMSENSE_")
+
+    data: Path = Field(default=Path("data"), description="Directory of the store.")
+    host: str = Field(default="127.0.0.1", description="Address to listen on.")
+    port: int = Field(default=8080, ge=0, le=65535, description="Port; 0 takes a free one.")
+    max_body_bytes: int = Field(
+        default=32 * 2**20, ge=1024, description="Largest request body, before and after gzip."
+    )
+    max_landmarks_per_scan: int = Field(
+        default=5000, ge=1, description="Readings in one scan; more are refused."
+    )
+    max_sessions: int = Field(default=1000, ge=1, description="Live sessions at once.")
+    calibration_scans: int = Field(
+        default=200, ge=1, description="Scans whose counts calibrate the geodetic radius."
+    )
+    cell_m: float = Field(default=2.0, gt=0.0, description="Resolution of the walls, metres.")
+    height_cell_m: float = Field(
+        default=4.0, gt=0.0, description="Resolution of the height maps, metres."
+    )

@@ -1,0 +1,255 @@
+"""The sites in memory: map, complex and what is derived from them, around a store."""
+
+import threading
+from collections import OrderedDict
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import homsense
+from homsense_service.errors import MapMissingError, SiteNotFoundError
+from homsense_service.records import SiteConfig, StoredReading, StoredScan
+from homsense_service.settings import Settings
+from homsense_service.store import Store
+
+_SENSE_CACHE = 4096
+
+
+@dataclass(frozen=True)
+class MapVersion:
+    """One version of a site's map with what localization needs of it.
+
+    Parameters
+    ----------
+    document : dict
+        GeoJSON as it was put.
+    site_map : homsense.SiteMap
+        The map itself.
+    free_space : homsense.FreeSpace
+        Its free cells.
+    digest : str
+        Content hash: the version.
+    """
+
+    document: dict[str, Any]
+    site_map: homsense.SiteMap
+    free_space: homsense.FreeSpace
+    digest: str
+
+
+@dataclass(frozen=True)
+class ComplexVersion:
+    """One version of a site's complex.
+
+    Parameters
+    ----------
+    landmark_complex : homsense.LandmarkComplex
+        The complex itself.
+    number : int
+        Scans in the log when it was reached; grows with every scan.
+    devices : frozenset of str
+        Who contributed.
+    """
+
+    landmark_complex: homsense.LandmarkComplex
+    number: int
+    devices: frozenset[str]
+
+
+class Site:
+    """A mapped place. Reading needs no lock: versions are immutable and replaced whole."""
+
+    def __init__(self, name: str, config: SiteConfig, settings: Settings) -> None:
+        self.name = name
+        self.config = config
+        self.map: MapVersion | None = None
+        self.complex = ComplexVersion(homsense.LandmarkComplex(), 0, frozenset())
+        self.writing = threading.Lock()
+        self._settings = settings
+        self._recent: list[frozenset[str]] = []
+        self._sensed: OrderedDict[tuple[Any, ...], list[homsense.LocalHomology]] = OrderedDict()
+        self._heights: dict[tuple[Any, ...], homsense.HeightMap] = {}
+        self._deriving = threading.Lock()
+
+    def visible(self, readings: Iterable[StoredReading]) -> frozenset[str]:
+        """Return the landmarks that count as visible under the site's configuration."""
+        config = self.config
+        return homsense.visible_landmarks(
+            (
+                homsense.Reading(_canonical(r.landmark, config.landmark_key), r.rssi_dbm, r.age_s)
+                for r in readings
+            ),
+            min_rssi_dbm=config.min_rssi_dbm,
+            max_age_s=config.max_age_s,
+        )
+
+    def absorb(self, scans: Sequence[StoredScan]) -> ComplexVersion:
+        """Join scans into the complex; the caller holds `writing`."""
+        observations = [self.visible(scan.readings) for scan in scans]
+        now = self.complex
+        grown = now.landmark_complex.with_observations(observations)
+        limit = self._settings.calibration_scans
+        kept = self._recent + [seen for seen in observations if seen]
+        self._recent = kept[-4 * limit :]
+        devices = now.devices.union(scan.device for scan in scans)
+        self.complex = ComplexVersion(grown, now.number + len(scans), devices)
+        return self.complex
+
+    def sense(self, visible: frozenset[str], hops: tuple[int, ...]) -> list[homsense.LocalHomology]:
+        """Return the local homology of a visible set, from the cache when it is there."""
+        current = self.complex.landmark_complex
+        key = (id(current), visible, hops)
+        found = self._sensed.get(key)
+        if found is None or found[0].landmark_complex is not current:
+            found = homsense.sense_local_homology(current, visible, hops)
+            self._sensed[key] = found
+            while len(self._sensed) > _SENSE_CACHE:
+                self._sensed.popitem(last=False)
+        return found
+
+    def require_map(self) -> MapVersion:
+        """Return the map or raise `MapMissingError`."""
+        if self.map is None:
+            message = f"the site {self.name!r} has no map; put one first"
+            raise MapMissingError(message)
+        return self.map
+
+    def heights(self, hops: Sequence[int]) -> list[homsense.HeightMap]:
+        """Return the expected counts for some neighborhoods on the current map."""
+        with self._deriving:
+            return [self._height(radius) for radius in hops]
+
+    def _height(self, hops: int) -> homsense.HeightMap:
+        current, config = self.require_map(), self.config
+        grown = self.complex.landmark_complex
+        key = (current.digest, config, hops, grown if config.r_geo_m is None else None)
+        if key not in self._heights:
+            self._heights = {k: v for k, v in self._heights.items() if k[0] == current.digest}
+            while len(self._heights) >= 4 * max(1, len(config.hops)):
+                self._heights.pop(next(iter(self._heights)))
+            self._heights[key] = homsense.HeightMap.geometric(
+                current.site_map,
+                self._r_geo(current, hops),
+                cell_m=self._settings.height_cell_m,
+                distance=config.distance,
+            )
+        return self._heights[key]
+
+    def _r_geo(self, current: MapVersion, hops: int) -> float:
+        """Return the radius that is set, or calibrated, or as far as the hops can reach."""
+        config = self.config
+        if config.r_geo_m is not None and hops in config.hops:
+            return config.r_geo_m[config.hops.index(hops)]
+        counts = self._calibration_counts(hops)
+        if not any(counts):
+            return max(1, hops) * config.s_max_m
+        return homsense.calibrate_r_geo(current.site_map, current.free_space, counts)
+
+    def _calibration_counts(self, hops: int) -> list[int]:
+        stride = max(1, len(self._recent) // self._settings.calibration_scans)
+        levels = tuple(sorted({*self.config.hops, hops}))
+        return [
+            self.sense(visible, levels)[levels.index(hops)].holes
+            for visible in self._recent[::stride]
+        ]
+
+
+class SiteRegistry:
+    """All sites of this process, loaded from the store at the start.
+
+    Parameters
+    ----------
+    store : Store
+        Where they survive.
+    settings : Settings
+        Limits and resolutions.
+    """
+
+    def __init__(self, store: Store, settings: Settings) -> None:
+        self._store = store
+        self._settings = settings
+        self._lock = threading.Lock()
+        self._sites = {name: self._load(name, config) for name, config in store.sites().items()}
+
+    def all(self) -> list[Site]:
+        """Return the sites by name."""
+        return [self._sites[name] for name in sorted(self._sites)]
+
+    def get(self, name: str) -> Site:
+        """Return a site or raise `SiteNotFoundError`."""
+        try:
+            return self._sites[name]
+        except KeyError:
+            message = f"there is no site {name!r}"
+            raise SiteNotFoundError(message) from None
+
+    def put(self, name: str, config: SiteConfig) -> tuple[Site, bool]:
+        """Create or reconfigure a site; tell whether it is new."""
+        with self._lock:
+            site = self._sites.get(name)
+            self._store.put_site(name, config)
+            if site is None:
+                self._sites[name] = site = Site(name, config, self._settings)
+                return site, True
+        with site.writing:
+            before, site.config = site.config, config
+            if _sees_differently(before, config):
+                self._rebuild(site)
+            if site.map is not None and before.origin != config.origin:
+                site.map = self.read_map(site.map.document, config)
+        return site, False
+
+    def delete(self, name: str) -> None:
+        """Delete a site with everything that belongs to it."""
+        with self._lock:
+            self.get(name)
+            self._store.delete_site(name)
+            del self._sites[name]
+
+    def put_map(self, site: Site, document: dict[str, Any]) -> MapVersion:
+        """Replace a site's map once it is known to be sound."""
+        version = self.read_map(document, site.config)
+        with site.writing:
+            self._store.put_map(site.name, document)
+            site.map = version
+        return version
+
+    def add_scans(
+        self, site: Site, scans: Sequence[StoredScan]
+    ) -> tuple[list[bool], ComplexVersion]:
+        """Log scans, then join the new ones into the complex."""
+        with site.writing:
+            fresh = self._store.add_scans(site.name, scans)
+            new = [scan for scan, is_new in zip(scans, fresh, strict=True) if is_new]
+            return fresh, site.absorb(new)
+
+    def read_map(self, document: dict[str, Any], config: SiteConfig) -> MapVersion:
+        """Return the version that a document describes, without storing it."""
+        site_map = homsense.SiteMap.from_geojson(document, origin=config.origin)
+        free_space = homsense.FreeSpace.of(site_map, self._settings.cell_m)
+        return MapVersion(document, site_map, free_space, site_map.digest())
+
+    def _load(self, name: str, config: SiteConfig) -> Site:
+        site = Site(name, config, self._settings)
+        document = self._store.map_document(name)
+        if document is not None:
+            site.map = self.read_map(document, config)
+        self._rebuild(site)
+        return site
+
+    def _rebuild(self, site: Site) -> None:
+        site.complex = replace(
+            site.complex, landmark_complex=homsense.LandmarkComplex(), number=0
+        )
+        site.absorb(list(self._store.scans(site.name)))
+
+
+def _sees_differently(before: SiteConfig, after: SiteConfig) -> bool:
+    def sensing(config: SiteConfig) -> tuple[object, ...]:
+        return config.landmark_key, config.min_rssi_dbm, config.max_age_s
+
+    return sensing(before) != sensing(after)
+
+
+def _canonical(landmark: str, key: str) -> str:
+    return landmark.lower().replace("-", ":") if key == "bssid" else landmark
