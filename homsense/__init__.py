@@ -16,6 +16,7 @@ from homsense.errors import (
 )
 from homsense.estimate import Mode, PoseDistribution
 from homsense.free_space import FreeSpace
+from homsense.grid import Grid
 from homsense.height import HeightMap
 from homsense.likelihood import CountNoise
 from homsense.localizer import Localizer, LocalizerConfig, LocalizerState
@@ -34,6 +35,7 @@ __all__ = [
     "Delta",
     "FreeSpace",
     "GaussianPrior",
+    "Grid",
     "HeadingPrior",
     "HeightMap",
     "HomsenseError",

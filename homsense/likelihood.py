@@ -29,7 +29,7 @@ class CountNoise:
         Standard deviation of a count, inflated, in holes.
     floor : float, default 0.02
         Share of measurements that say nothing, in [0, 1).
-    correlation_m : float, default 300.0
+    correlation_m : float, default 150.0
         Way after which the error is new, metres.
 
     Raises
@@ -40,7 +40,7 @@ class CountNoise:
 
     sigma: float = 1.5
     floor: float = 0.02
-    correlation_m: float = 300.0
+    correlation_m: float = 150.0
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.sigma) and self.sigma > 0.0):

@@ -1,1 +1,1 @@
-
+"""A simulated world and its devices; it shares no code with the estimator."""

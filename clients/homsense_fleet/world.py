@@ -1,12 +1,13 @@
 """The true world: buildings, transmitters and radio. Pure; the estimator never sees it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import networkx as nx
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from pyproj import Transformer
 from shapely.geometry import MultiPolygon, Polygon, box, mapping, shape
 
 from homsense_fleet.city import City, downtown
@@ -60,6 +61,8 @@ class World:
         The radio model.
     walls : shapely.MultiPolygon
         All buildings, prepared for intersection tests.
+    origin : tuple of float, optional
+        (latitude, longitude) of the frame, degrees.
     """
 
     name: str
@@ -68,6 +71,7 @@ class World:
     ids: tuple[str, ...]
     radio: Radio
     walls: MultiPolygon
+    origin: tuple[float, float] | None = None
 
     def map_document(self) -> dict[str, Any]:
         """Return the unlabeled map as GeoJSON in local metres."""
@@ -82,6 +86,10 @@ class World:
                 for properties, area in areas
             ],
         }
+
+    def places(self) -> dict[str, tuple[float, float]]:
+        """Return where each transmitter is, by identifier."""
+        return {i: (float(x), float(y)) for i, (x, y) in zip(self.ids, self.transmitters, strict=True)}
 
     def is_free(self, xy: FloatArray) -> bool:
         """Tell whether a place is outside all buildings, with some clearance."""
@@ -137,12 +145,12 @@ def world_from_geojson(
     radio: Radio | None = None,
     name: str = "map",
 ) -> World:
-    """Return a world with the buildings of a GeoJSON map in local metres.
+    """Return a world with the buildings of a GeoJSON map.
 
     Parameters
     ----------
     document : dict
-        FeatureCollection of polygons.
+        FeatureCollection of polygons; metres when it says ``"frame": "local"``, else degrees.
     seed : int
         Decides the transmitters.
     n_transmitters : int, default 197
@@ -162,16 +170,28 @@ def world_from_geojson(
     ValueError
         If the map holds no polygon or no free space.
     """
-    merged = shapely.union_all([shape(f["geometry"]).buffer(0.05) for f in document["features"]])
-    buildings = tuple(
-        Polygon(part.exterior) for part in shapely.get_parts(merged) if isinstance(part, Polygon)
-    )
+    areas = [shape(feature["geometry"]) for feature in document.get("features", [])]
+    origin = None
+    if areas and document.get("frame") != "local":
+        west, south, east, north = shapely.total_bounds(areas)
+        origin = (float(south + north) / 2, float(west + east) / 2)
+        areas = _to_metres(areas, origin)
+    merged = shapely.union_all(shapely.buffer(areas, 0.05))
+    outlines = [Polygon(part.exterior) for part in shapely.get_parts(merged)]
+    buildings = tuple(shapely.get_parts(shapely.union_all(outlines)))
     if not buildings:
         message = "the map holds no polygon"
         raise ValueError(message)
     city = City(buildings, _lattice(shapely.union_all(buildings)))
     rng = np.random.default_rng([seed, 45])
-    return _populate(name, city, rng, n_transmitters, radio or Radio())
+    return replace(_populate(name, city, rng, n_transmitters, radio or Radio()), origin=origin)
+
+
+def _to_metres(areas: list[Any], origin: tuple[float, float]) -> list[Any]:
+    latitude, longitude = origin
+    local = f"+proj=aeqd +lat_0={latitude!r} +lon_0={longitude!r} +datum=WGS84 +units=m"
+    forward = Transformer.from_crs("EPSG:4326", local, always_xy=True)
+    return [shapely.transform(area, forward.transform, interleaved=False) for area in areas]
 
 
 def _populate(name: str, city: City, rng: Rng, count: int, radio: Radio) -> World:

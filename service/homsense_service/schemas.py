@@ -358,10 +358,10 @@ class SensorIn(Wire):
 
     type: Literal["homology", "auto"] = "homology"
     hops: HopList | None = Field(default=None, description="The site's when absent.")
-    sigma: float = Field(default=2.0, gt=0, le=1e6, description="Deviation of a count, holes.")
+    sigma: float = Field(default=1.5, gt=0, le=1e6, description="Deviation of a count, holes.")
     floor: float = Field(default=0.02, ge=0, lt=1, description="Share that says nothing.")
     correlation_m: float = Field(
-        default=100.0, gt=0, le=1e6, description="Way after which the error is new, metres."
+        default=150.0, gt=0, le=1e6, description="Way after which the error is new, metres."
     )
 
     def to_noise(self) -> homsense.CountNoise:

@@ -1,9 +1,10 @@
 """The sites in memory: map, complex and what is derived from them, around a store."""
 
+import hashlib
 import threading
 from collections import OrderedDict
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import homsense
@@ -63,13 +64,17 @@ class Site:
         self.name = name
         self.config = config
         self.map: MapVersion | None = None
-        self.complex = ComplexVersion(homsense.LandmarkComplex(), 0, frozenset())
         self.writing = threading.Lock()
         self._settings = settings
-        self._recent: list[frozenset[str]] = []
+        self.forget()
         self._sensed: OrderedDict[tuple[Any, ...], list[homsense.LocalHomology]] = OrderedDict()
         self._heights: dict[tuple[Any, ...], homsense.HeightMap] = {}
         self._deriving = threading.Lock()
+
+    def forget(self) -> None:
+        """Start again from no scan; the caller holds `writing`."""
+        self.complex = ComplexVersion(homsense.LandmarkComplex(), 0, frozenset())
+        self._sample = {}
 
     def visible(self, readings: Iterable[StoredReading]) -> frozenset[str]:
         """Return the landmarks that count as visible under the site's configuration."""
@@ -88,12 +93,21 @@ class Site:
         observations = [self.visible(scan.readings) for scan in scans]
         now = self.complex
         grown = now.landmark_complex.with_observations(observations)
-        limit = self._settings.calibration_scans
-        kept = self._recent + [seen for seen in observations if seen]
-        self._recent = kept[-4 * limit :]
+        self._keep_sample(scans, observations)
         devices = now.devices.union(scan.device for scan in scans)
         self.complex = ComplexVersion(grown, now.number + len(scans), devices)
         return self.complex
+
+    def _keep_sample(
+        self, scans: Sequence[StoredScan], observations: Sequence[frozenset[str]]
+    ) -> None:
+        """Keep the scans with the smallest hashes: uniform, and the same in any order."""
+        for scan, visible in zip(scans, observations, strict=True):
+            if visible:
+                key = f"{scan.device}\0{scan.scan_id}".encode()
+                self._sample[hashlib.blake2b(key, digest_size=16).digest()] = visible
+        for surplus in sorted(self._sample)[self._settings.calibration_scans :]:
+            del self._sample[surplus]
 
     def sense(self, visible: frozenset[str], hops: tuple[int, ...]) -> list[homsense.LocalHomology]:
         """Return the local homology of a visible set, from the cache when it is there."""
@@ -146,11 +160,10 @@ class Site:
         return homsense.calibrate_r_geo(current.site_map, current.free_space, counts)
 
     def _calibration_counts(self, hops: int) -> list[int]:
-        stride = max(1, len(self._recent) // self._settings.calibration_scans)
         levels = tuple(sorted({*self.config.hops, hops}))
         return [
-            self.sense(visible, levels)[levels.index(hops)].holes
-            for visible in self._recent[::stride]
+            self.sense(self._sample[key], levels)[levels.index(hops)].holes
+            for key in sorted(self._sample)
         ]
 
 
@@ -238,9 +251,7 @@ class SiteRegistry:
         return site
 
     def _rebuild(self, site: Site) -> None:
-        site.complex = replace(
-            site.complex, landmark_complex=homsense.LandmarkComplex(), number=0
-        )
+        site.forget()
         site.absorb(list(self._store.scans(site.name)))
 
 

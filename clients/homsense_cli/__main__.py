@@ -1,0 +1,117 @@
+"""The command line. Exit codes: 0 good, 1 failed, 2 misuse."""
+
+import gzip
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+app = typer.Typer(
+    help="Localization without survey, GPS or labels, by homological sensing.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+SeedOption = Annotated[int, typer.Option(min=0, help="Decides world, paths and noise.")]
+OutOption = Annotated[Path, typer.Option(file_okay=False, help="Directory for the results.")]
+
+
+@app.command()
+def serve(
+    data: Annotated[Path | None, typer.Option(help="Directory of the store.")] = None,
+    host: Annotated[str | None, typer.Option(help="Address to listen on.")] = None,
+    port: Annotated[int | None, typer.Option(min=0, max=65535, help="Port.")] = None,
+) -> None:
+    """Serve until interrupted; options win over HOMSENSE_* variables."""
+    from homsense_service.server import serve as run
+    from homsense_service.settings import Settings
+
+    given = {"data": data, "host": host, "port": port}
+    run(Settings.model_validate({k: v for k, v in given.items() if v is not None}))
+
+
+@app.command()
+def demo(seed: SeedOption = 2, out: OutOption = Path("demo")) -> None:
+    """Map a simulated downtown with phones, localize a robot, write report and figures."""
+    from homsense_cli.demo import run_demo
+
+    run_demo(seed, out, Console())
+
+
+@app.command()
+def figures(
+    run: Annotated[Path, typer.Argument(exists=True, dir_okay=False, help="A run.json.gz.")],
+    out: OutOption = Path("demo"),
+) -> None:
+    """Draw the paper's figures 2, 3 and 4 from a recorded run."""
+    from homsense_cli.figures import draw_all
+
+    for path in draw_all(json.loads(gzip.decompress(run.read_bytes())), out):
+        typer.echo(path)
+
+
+@app.command()
+def fleet(
+    url: Annotated[str, typer.Option(help="The service.")] = "http://127.0.0.1:8080",
+    site: Annotated[str, typer.Option(help="Name of the site.")] = "downtown-44",
+    map_file: Annotated[
+        Path | None,
+        typer.Option("--map", exists=True, dir_okay=False, help="GeoJSON or footprints."),
+    ] = None,
+    window_m: Annotated[
+        float | None, typer.Option(min=50.0, help="Side of the busiest window of the footprints.")
+    ] = None,
+    transmitters: Annotated[int, typer.Option(min=1, help="How many there are.")] = 197,
+    s_max_m: Annotated[float, typer.Option(min=1.0, help="Sensing range, metres.")] = 72.0,
+    phones: Annotated[int, typer.Option(min=1, help="How many walk.")] = 40,
+    scans: Annotated[int, typer.Option(min=1, help="Scans of each phone.")] = 130,
+    seed: SeedOption = 0,
+) -> None:
+    """Map a site of a running service with simulated phones."""
+    from homsense_cli.fleet import run_fleet
+    from homsense_cli.maps import read_map
+    from homsense_fleet.world import Radio, downtown_44, world_from_geojson
+
+    radio = Radio(s_max_m=s_max_m)
+    if map_file is None:
+        world = downtown_44(seed, n_transmitters=transmitters, radio=radio)
+    else:
+        world = world_from_geojson(
+            read_map(map_file, window_m), seed, n_transmitters=transmitters, radio=radio, name=site
+        )
+    run_fleet(url, site, world, seed=seed, phones=phones, scans_each=scans, console=Console())
+
+
+@app.command()
+def replay(
+    directory: Annotated[Path, typer.Argument(exists=True, file_okay=False, help="Recordings.")],
+    floor: Annotated[list[str] | None, typer.Option(help="A floor; all when absent.")] = None,
+    min_rssi_dbm: Annotated[float, typer.Option(help="Weakest visible strength, dBm.")] = -60.0,
+    hops: Annotated[list[int] | None, typer.Option(help="Neighborhoods; 1 and 2.")] = None,
+    seed: SeedOption = 0,
+    limit: Annotated[int | None, typer.Option(min=1, help="Most walks of a floor.")] = None,
+) -> None:
+    """Replay recorded walks through the service and score them against the surveyed truth."""
+    from homsense_cli.replay import run_replay
+
+    run_replay(
+        directory,
+        floor or [],
+        min_rssi_dbm=min_rssi_dbm,
+        hops=hops or [1, 2],
+        seed=seed,
+        limit=limit,
+        console=Console(),
+    )
+
+
+def main() -> None:
+    """Run the command line."""
+    app()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,192 @@
+"""The demo as data: map a world, drive a robot through it, and record what happened."""
+
+import asyncio
+import math
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+from homsense_client import AsyncClient, Client, Complex, Pose, Session
+from homsense_fleet.device import DriveStep, drive
+from homsense_fleet.driver import map_site
+from homsense_fleet.world import World
+
+LAST_M = 300.0
+SNAPSHOTS = 4
+
+Progress = Callable[[str, int], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """What was true and what was estimated after a step.
+
+    Parameters
+    ----------
+    travelled_m : float
+        Way so far, metres.
+    truth : tuple of float
+        True (x, y, heading).
+    holes : tuple of int, optional
+        The measurement.
+    error_m : float
+        Distance from the top mode to the truth, metres.
+    baseline_m : float
+        The same without homology: motion and walls only.
+    """
+
+    travelled_m: float
+    truth: tuple[float, float, float]
+    holes: tuple[int, ...] | None
+    error_m: float
+    baseline_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """The distribution at one moment of the drive."""
+
+    travelled_m: float
+    truth: tuple[float, float, float]
+    visible: list[str]
+    particles: list[tuple[float, float, float]]
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """Everything that the report and the figures need."""
+
+    scenario: str
+    seed: int
+    buildings: int
+    complex: Complex
+    hops: tuple[int, ...]
+    map_document: dict[str, Any]
+    transmitters: dict[str, tuple[float, float]]
+    facets: list[list[str]]
+    height_maps: list[dict[str, Any]]
+    moments: list[Moment]
+    snapshots: list[Snapshot]
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the run as JSON data."""
+        return asdict(self)
+
+
+def prepare_site(client: Client, site: str, world: World) -> None:
+    """Create the site of a world with its unlabeled map."""
+    origin = None if world.origin is None else dict(zip(("lat", "lon"), world.origin, strict=True))
+    client.put_site(site, name=world.name, s_max_m=world.radio.s_max_m, origin=origin)
+    client.put_map(site, world.map_document())
+
+
+def map_world(
+    url: str,
+    site: str,
+    world: World,
+    *,
+    seed: int,
+    phones: int,
+    scans_each: int,
+    on_posted: Callable[[int], None],
+) -> int:
+    """Post the scans of a fleet of phones; return how many were accepted."""
+
+    async def post() -> int:
+        async with AsyncClient(url) as client:
+            return await map_site(
+                client,
+                site,
+                world,
+                seed=seed,
+                phones=phones,
+                scans_each=scans_each,
+                on_posted=on_posted,
+            )
+
+    return asyncio.run(post())
+
+
+def drive_robot(
+    client: Client,
+    site: str,
+    world: World,
+    *,
+    seed: int,
+    length_m: float,
+    on_moment: Callable[[Moment], None],
+) -> tuple[list[Moment], list[Snapshot], tuple[int, ...]]:
+    """Drive a robot from an unknown start; a twin session runs without homology.
+
+    Parameters
+    ----------
+    client : Client
+        The service.
+    site : str
+        A mapped site.
+    world : World
+        Where the robot drives.
+    seed : int
+        Decides route, noise and particles.
+    length_m : float
+        Way to drive, metres.
+    on_moment : callable
+        Told of each step.
+
+    Returns
+    -------
+    moments : list of Moment
+        One for each step.
+    snapshots : list of Snapshot
+        Spread evenly over the drive.
+    hops : tuple of int
+        Neighborhoods whose holes were counted.
+    """
+    steps = list(drive(world, np.random.default_rng([seed, 2]), length_m=length_m))
+    pictured = {round((i + 1) * len(steps) / SNAPSHOTS) for i in range(SNAPSHOTS)} | {1}
+    moments: list[Moment] = []
+    snapshots: list[Snapshot] = []
+    with (
+        client.open_session(site, seed=seed) as robot,
+        client.open_session(site, seed=seed) as blind,
+    ):
+        for step in steps:
+            moments.append(_advance(robot, blind, step))
+            on_moment(moments[-1])
+            if step.seq in pictured:
+                visible = [entry["id"] for entry in step.scan]
+                particles = robot.particles(2000)
+                snapshots.append(Snapshot(step.travelled_m, step.truth, visible, particles))
+        return moments, snapshots, robot.info.hops
+
+
+def _advance(robot: Session, blind: Session, step: DriveStep) -> Moment:
+    pose = robot.step(step.delta, step.scan, t=step.t)
+    other = blind.step(step.delta, t=step.t)
+    return Moment(
+        step.travelled_m, step.truth, pose.holes, _error(pose, step), _error(other, step)
+    )
+
+
+def _error(pose: Pose, step: DriveStep) -> float:
+    return math.dist((pose.best.x_m, pose.best.y_m), step.truth[:2])
+
+
+def final_median(moments: list[Moment], read: Callable[[Moment], float]) -> float:
+    """Return the median of a quantity over the last 300 m."""
+    end = moments[-1].travelled_m
+    return median(read(moment) for moment in moments if moment.travelled_m > end - LAST_M)
+
+
+def every(moments: list[Moment], way_m: float) -> list[Moment]:
+    """Return the moments at which another stretch was completed."""
+    return [
+        moment
+        for before, moment in zip([None, *moments], moments, strict=False)
+        if before is None and moment.travelled_m >= way_m
+        or before is not None
+        and moment.travelled_m // way_m > before.travelled_m // way_m
+    ]

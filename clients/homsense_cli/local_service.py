@@ -1,0 +1,69 @@
+"""A service of our own for the length of a command."""
+
+import os
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import httpx
+
+START_S = 30.0
+
+
+@contextmanager
+def local_service(**settings: object) -> Iterator[str]:
+    """Run a service on loopback with an empty store, and stop it at the end.
+
+    Parameters
+    ----------
+    **settings : object
+        Settings of the service, as in ``cell_m=1.0``.
+
+    Yields
+    ------
+    str
+        Its base URL.
+
+    Raises
+    ------
+    RuntimeError
+        If it does not start.
+    """
+    with tempfile.TemporaryDirectory(prefix="homsense-") as directory:
+        port = _free_port()
+        given = {"DATA": directory, "PORT": port, **{k.upper(): v for k, v in settings.items()}}
+        environment = {f"HOMSENSE_{name}": str(value) for name, value in given.items()}
+        command = [sys.executable, "-m", "homsense_service"]
+        process = subprocess.Popen(command, env={**os.environ, **environment})
+        try:
+            url = f"http://127.0.0.1:{port}"
+            _await_health(url, process)
+            yield url
+        finally:
+            process.terminate()
+            try:
+                process.wait(timeout=10.0)
+            except subprocess.TimeoutExpired:
+                process.kill()
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def _await_health(url: str, process: "subprocess.Popen[bytes]") -> None:
+    deadline = time.monotonic() + START_S
+    while time.monotonic() < deadline and process.poll() is None:
+        try:
+            if httpx.get(f"{url}/healthz").is_success:
+                return
+        except httpx.TransportError:
+            time.sleep(0.05)
+    message = "the service did not start"
+    raise RuntimeError(message)

@@ -1,0 +1,185 @@
+"""``homsense replay``: recorded real walks through the REST service, scored against the truth."""
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+from homsense_cli.local_service import local_service
+from homsense_cli.recorded import (
+    Floor,
+    WalkEvent,
+    crowd_scans,
+    floor_names,
+    read_floor,
+    start_heading,
+    walk_events,
+)
+from homsense_client import Client, Complex, Session
+
+HEADING_STD_RAD = 0.2
+STEP_STD = 0.15, 0.1, 0.08
+BATCH = 100
+SITE = {"max_age_s": 3.0, "landmark_key": "bssid", "s_max_m": 30.0}
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """How one walk went.
+
+    Parameters
+    ----------
+    floor : str
+        Where.
+    length_m : float
+        Way walked, metres.
+    complex : Complex
+        Built from all other phones.
+    error_m : float
+        Median distance to the truth with the homological sensor, metres.
+    baseline_m : float
+        The same with motion and walls only.
+    """
+
+    floor: str
+    length_m: float
+    complex: Complex
+    error_m: float
+    baseline_m: float
+
+
+def run_replay(
+    directory: Path,
+    floors: list[str],
+    *,
+    min_rssi_dbm: float,
+    hops: list[int],
+    seed: int,
+    limit: int | None,
+    console: Console,
+) -> list[Score]:
+    """Replay the walks of recorded floors, each against the complex of all other phones.
+
+    Parameters
+    ----------
+    directory : pathlib.Path
+        The recordings.
+    floors : list of str
+        Which floors; all when empty.
+    min_rssi_dbm : float
+        Weakest strength that counts as visible, dBm.
+    hops : list of int
+        Neighborhoods whose holes are counted.
+    seed : int
+        Of the particles.
+    limit : int, optional
+        Most walks of a floor.
+    console : rich.console.Console
+        Where progress and the table go.
+
+    Returns
+    -------
+    list of Score
+        One for each walk.
+    """
+    scores: list[Score] = []
+    with (
+        local_service(cell_m=1.0, height_cell_m=2.0) as url,
+        Client(url, timeout_s=300.0) as client,
+        Progress(console=console) as bars,
+    ):
+        for name in floors or floor_names(directory):
+            floor = read_floor(directory, name)
+            walks = floor.chains[:limit]
+            task = bars.add_task(f"{name}: {len(walks)} walks", total=len(walks))
+            for chain in walks:
+                client.put_site(name, min_rssi_dbm=min_rssi_dbm, hops=hops, **SITE)
+                scores.append(_replay_walk(client, floor, chain, seed))
+                client.delete_site(name)
+                bars.advance(task)
+    console.print(_table(scores))
+    return scores
+
+
+def _replay_walk(client: Client, floor: Floor, chain: list[str], seed: int) -> Score:
+    site = floor.name
+    client.put_map(site, floor.map_document)
+    scans = iter(crowd_scans(floor, chain))
+    while batch := list(islice(scans, BATCH)):
+        client.post_scans(site, batch)
+    events = walk_events(floor, chain)
+    prior = {
+        "type": "uniform",
+        "heading": {"mean_rad": start_heading(floor, chain), "std_rad": HEADING_STD_RAD},
+    }
+    with (
+        client.open_session(site, seed=seed, prior=prior) as phone,
+        client.open_session(site, seed=seed, prior=prior) as blind,
+    ):
+        errors = [_advance(phone, blind, event) for event in events]
+    return Score(
+        floor.name,
+        sum(event.delta["length_m"] for event in events if event.delta),
+        client.get_complex(site),
+        median(error for error, _ in errors),
+        median(baseline for _, baseline in errors),
+    )
+
+
+def _advance(phone: Session, blind: Session, event: WalkEvent) -> tuple[float, float]:
+    delta: dict[str, Any] = {}
+    if event.delta is not None:
+        turn, length = event.delta["turn_rad"], event.delta["length_m"]
+        delta = {
+            "forward_m": length * math.cos(turn),
+            "left_m": length * math.sin(turn),
+            "turn_rad": turn,
+            "std": list(STEP_STD),
+        }
+    here = phone.step(delta, event.readings, t=event.t_s).best
+    other = blind.step(delta, t=event.t_s).best
+    return math.dist((here.x_m, here.y_m), event.truth), math.dist(
+        (other.x_m, other.y_m), event.truth
+    )
+
+
+def _table(scores: list[Score]) -> Table:
+    table = Table(title="median error in metres over each walk, unknown start")
+    for heading in ("floor", "way m", "facets", "b0", "b1", "homology", "motion + walls"):
+        table.add_column(heading, justify="left" if heading == "floor" else "right")
+    for score in scores:
+        table.add_row(
+            score.floor,
+            f"{score.length_m:.0f}",
+            str(score.complex.facets),
+            *map(str, score.complex.betti),
+            f"{score.error_m:.1f}",
+            f"{score.baseline_m:.1f}",
+        )
+    for floor in dict.fromkeys(score.floor for score in scores):
+        _add_median(table, floor, [score for score in scores if score.floor == floor])
+    _add_median(table, "all", scores)
+    return table
+
+
+def _add_median(table: Table, name: str, scores: list[Score]) -> None:
+    def middle(read: Callable[[Score], float], among: Iterable[Score] = scores) -> str:
+        return f"{median(map(read, among)):.1f}"
+
+    table.add_row(
+        f"{name}: median of {len(scores)}",
+        "",
+        "",
+        "",
+        "",
+        middle(lambda score: score.error_m),
+        middle(lambda score: score.baseline_m),
+        style="bold",
+    )

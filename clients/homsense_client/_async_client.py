@@ -1,0 +1,171 @@
+"""The asynchronous shell around the protocol."""
+
+import asyncio
+from collections.abc import Iterable, Mapping
+from types import TracebackType
+from typing import Any, Self
+
+import httpx
+
+from homsense_client import _models as models
+from homsense_client import _protocol as protocol
+from homsense_client._retry import Retry, is_transient
+from homsense_client._transport import as_client_error, parsed, prepared
+
+
+class AsyncClient:
+    """An asynchronous client of one service.
+
+    Parameters
+    ----------
+    base_url : str
+        Such as ``http://127.0.0.1:8080``.
+    retry : Retry, optional
+        When to try again.
+    timeout_s : float, default 30.0
+        Longest wait for an answer, seconds.
+    transport : httpx.AsyncBaseTransport, optional
+        Replaces the network, in tests.
+    """
+
+    def __init__(
+        self,
+        base_url: str,
+        *,
+        retry: Retry | None = None,
+        timeout_s: float = 30.0,
+        transport: httpx.AsyncBaseTransport | None = None,
+    ) -> None:
+        self._retry = retry or Retry()
+        self._http = httpx.AsyncClient(base_url=base_url, timeout=timeout_s, transport=transport)
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        await self.close()
+
+    async def close(self) -> None:
+        """Release the connections."""
+        await self._http.aclose()
+
+    async def send(self, call: protocol.Call[protocol.Answer]) -> protocol.Answer:
+        """Send a call, again after transient failures, and read its answer."""
+        failed = 0
+        while True:
+            failed += 1
+            try:
+                answer = await self._http.request(**prepared(call))
+            except httpx.TransportError as error:
+                wait = self._retry.wait_s(failed) if call.repeatable else None
+                if wait is None:
+                    raise as_client_error(error) from error
+            else:
+                wait = self._retry.wait_s(failed, answer.headers)
+                if wait is None or not is_transient(answer.status_code):
+                    return protocol.read_answer(call, answer.status_code, parsed(answer))
+            await asyncio.sleep(wait)
+
+    async def put_site(self, site: str, **config: Any) -> models.Site:
+        """Create or configure a site."""
+        return await self.send(protocol.put_site(site, config))
+
+    async def get_site(self, site: str) -> models.Site:
+        """Read a site."""
+        return await self.send(protocol.get_site(site))
+
+    async def delete_site(self, site: str) -> None:
+        """Delete a site with everything in it."""
+        return await self.send(protocol.delete_site(site))
+
+    async def put_map(self, site: str, document: Mapping[str, Any]) -> models.MapInfo:
+        """Put the map of a site: GeoJSON polygons."""
+        return await self.send(protocol.put_map(site, document))
+
+    async def post_scans(self, site: str, scans: Iterable[protocol.Scan]) -> models.Receipt:
+        """Post up to 1000 scans; they are durable when this returns."""
+        return await self.send(protocol.post_scans(site, scans))
+
+    async def get_complex(self, site: str) -> models.Complex:
+        """Read the numbers of the landmark complex."""
+        return await self.send(protocol.get_complex(site))
+
+    async def export_complex(self, site: str, form: str = "facets") -> dict[str, Any]:
+        """Export the complex as ``facets``, ``hif`` or ``node-link``."""
+        return await self.send(protocol.export_complex(site, form))
+
+    async def local_homology(self, site: str, landmarks: protocol.Landmarks, hops: Iterable[int] | None = None) -> models.LocalHomology:
+        """Count the holes near a scan."""
+        return await self.send(protocol.local_homology(site, landmarks, hops))
+
+    async def height_map(self, site: str, hops: int) -> dict[str, Any]:
+        """Read the expected holes over the map."""
+        return await self.send(protocol.height_map(site, hops))
+
+    async def open_session(self, site: str, **options: Any) -> "AsyncSession":
+        """Open a session on a site; use it as a context manager."""
+        return AsyncSession(self, await self.send(protocol.open_session(site, options)))
+
+
+class AsyncSession:
+    """A device's run on a site; numbers its steps itself.
+
+    Parameters
+    ----------
+    client : AsyncClient
+        Sends the calls.
+    info : SessionInfo
+        What the service said when the session was opened.
+    """
+
+    def __init__(self, client: AsyncClient, info: models.SessionInfo) -> None:
+        self._client = client
+        self._seq = info.pose.seq
+        self.info = info
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        await self.close()
+
+    async def step(
+        self,
+        delta: Mapping[str, Any] | None = None,
+        landmarks: protocol.Landmarks | None = None,
+        *,
+        t: float | None = None,
+    ) -> models.Pose:
+        """Report motion since the last step and, if there is one, a scan; return the pose."""
+        step: dict[str, Any] = {"seq": self._seq + 1, "delta": dict(delta or {}), "t": t}
+        if landmarks is not None:
+            step["landmarks"] = list(landmarks)
+        pose = await self._client.send(protocol.post_steps(self.info.id, [step]))
+        self._seq += 1
+        return pose
+
+    async def pose(self) -> models.Pose:
+        """Read the pose."""
+        return await self._client.send(protocol.get_pose(self.info.id))
+
+    async def particles(self, count: int = 500) -> list[tuple[float, float, float]]:
+        """Read particles of equal weight: x m, y m, heading rad."""
+        return await self._client.send(protocol.get_particles(self.info.id, count))
+
+    async def distribution(self, form: str = "geojson") -> dict[str, Any]:
+        """Read the distribution as ``geojson`` or ``grid``."""
+        return await self._client.send(protocol.get_distribution(self.info.id, form))
+
+    async def close(self) -> None:
+        """Close the session at the service."""
+        await self._client.send(protocol.close_session(self.info.id))

@@ -1,0 +1,204 @@
+"""Answers of the service as values."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Self
+
+
+@dataclass(frozen=True, slots=True)
+class Site:
+    """A site and what it holds."""
+
+    name: str
+    config: dict[str, Any]
+    map_version: str | None
+    observations: int
+    landmarks: int
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Self:
+        """Return the value of an answer."""
+        return cls(
+            data["site"],
+            dict(data["config"]),
+            data["map_version"],
+            data["observations"],
+            data["landmarks"],
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class MapInfo:
+    """What became of a map."""
+
+    version: str
+    structures: int
+    courtyards: int
+    bounds_m: tuple[float, float, float, float]
+    free_area_m2: float
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Self:
+        """Return the value of an answer."""
+        west, south, east, north = data["bounds_m"]
+        return cls(
+            data["version"],
+            data["structures"],
+            data["courtyards"],
+            (west, south, east, north),
+            data["free_area_m2"],
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Receipt:
+    """What became of a batch of scans."""
+
+    accepted: int
+    duplicate: int
+    dropped: tuple[tuple[int, str], ...]
+    complex_version: int
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Self:
+        """Return the value of an answer."""
+        dropped = tuple((item["index"], item["reason"]) for item in data["dropped"])
+        return cls(data["accepted"], data["duplicate"], dropped, data["complex_version"])
+
+
+@dataclass(frozen=True, slots=True)
+class Complex:
+    """The landmark complex of a site."""
+
+    version: int
+    digest: str
+    observations: int
+    devices: int
+    landmarks: int
+    facets: int
+    edges: int
+    betti: tuple[int, ...]
+    euler: int | None
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Self:
+        """Return the value of an answer."""
+        return cls(**{**data, "betti": tuple(data["betti"])})
+
+
+@dataclass(frozen=True, slots=True)
+class Level:
+    """Homology of one neighborhood."""
+
+    hops: int
+    vertices: int
+    facets: int
+    betti: tuple[int, ...]
+    euler: int | None
+    holes: int
+
+
+@dataclass(frozen=True, slots=True)
+class LocalHomology:
+    """The answer of the homological sensor."""
+
+    complex_version: int
+    known: int
+    levels: tuple[Level, ...]
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Self:
+        """Return the value of an answer."""
+        levels = tuple(Level(**{**one, "betti": tuple(one["betti"])}) for one in data["levels"])
+        return cls(data["complex_version"], data["known"], levels)
+
+
+@dataclass(frozen=True, slots=True)
+class Mode:
+    """One hypothesis about the pose."""
+
+    weight: float
+    x_m: float
+    y_m: float
+    covariance: tuple[tuple[float, float], tuple[float, float]]
+    heading_rad: float
+    heading_resultant: float
+    accuracy_m: float
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Self:
+        """Return the value of an answer."""
+        (xx, xy), (yx, yy) = data["covariance"]
+        return cls(
+            data["weight"],
+            data["x_m"],
+            data["y_m"],
+            ((xx, xy), (yx, yy)),
+            data["heading"]["mean_rad"],
+            data["heading"]["resultant"],
+            data["accuracy_m"],
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """A pose distribution in short; `modes` are ordered by weight."""
+
+    session: str
+    seq: int
+    t: float | None
+    status: str
+    modes: tuple[Mode, ...]
+    region_area_m2: dict[str, float]
+    holes: tuple[int, ...] | None
+    ess: float
+    map_version: str
+    geo: tuple[float, float] | None
+
+    @property
+    def best(self) -> Mode:
+        """The top mode."""
+        return self.modes[0]
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Self:
+        """Return the value of an answer."""
+        measured, geo = data["measurement"], data["geo"]
+        return cls(
+            data["session"],
+            data["seq"],
+            data["t"],
+            data["status"],
+            tuple(Mode.from_json(mode) for mode in data["modes"]),
+            dict(data["region_area_m2"]),
+            None if measured is None else tuple(measured["holes"]),
+            data["health"]["ess"],
+            data["map_version"],
+            None if geo is None else (geo["lat"], geo["lon"]),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class SessionInfo:
+    """An open session."""
+
+    id: str
+    site: str
+    map_version: str
+    seed: int
+    hops: tuple[int, ...]
+    r_geo_m: tuple[float, ...]
+    pose: Pose
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Self:
+        """Return the value of an answer."""
+        return cls(
+            data["session"],
+            data["site"],
+            data["map_version"],
+            data["seed"],
+            tuple(data["hops"]),
+            tuple(data["r_geo_m"]),
+            Pose.from_json(data["pose"]),
+        )

@@ -1,0 +1,62 @@
+"""Devices at work: phones post their scans side by side."""
+
+import asyncio
+from collections.abc import Callable
+
+import numpy as np
+
+from homsense_client import AsyncClient
+from homsense_fleet.device import phone_scans
+from homsense_fleet.world import World
+
+
+async def map_site(
+    client: AsyncClient,
+    site: str,
+    world: World,
+    *,
+    seed: int,
+    phones: int = 40,
+    scans_each: int = 130,
+    batch: int = 50,
+    on_posted: Callable[[int], None] = lambda _count: None,
+) -> int:
+    """Let phones walk the world and post what they hear.
+
+    Parameters
+    ----------
+    client : AsyncClient
+        The service.
+    site : str
+        An existing site.
+    world : World
+        Where the phones walk.
+    seed : int
+        Decides their routes and the radio noise.
+    phones : int, default 40
+        How many phones post side by side.
+    scans_each : int, default 130
+        Scans of each phone.
+    batch : int, default 50
+        Scans in a request.
+    on_posted : callable, optional
+        Told how many scans were posted, after each request.
+
+    Returns
+    -------
+    int
+        Scans that the service accepted.
+    """
+
+    async def walk(number: int) -> int:
+        device = f"phone-{number:02d}"
+        rng = np.random.default_rng([seed, 1, number])
+        scans = list(phone_scans(world, device, rng, count=scans_each))
+        accepted = 0
+        for first in range(0, len(scans), batch):
+            receipt = await client.post_scans(site, scans[first : first + batch])
+            accepted += receipt.accepted
+            on_posted(receipt.accepted)
+        return accepted
+
+    return sum(await asyncio.gather(*(walk(number) for number in range(phones))))
