@@ -197,9 +197,7 @@ def betti_numbers(
         _rank_gf2(boundary_matrix(generators, degree, max_faces=max_faces))
         for degree in range(1, max_degree + 2)
     ]
-    return tuple(
-        size - ranks[degree] - ranks[degree + 1] for degree, size in enumerate(sizes)
-    )
+    return tuple(size - ranks[degree] - ranks[degree + 1] for degree, size in enumerate(sizes))
 
 
 def _rank_gf2(matrix: sparse.csr_array) -> int:

@@ -182,7 +182,10 @@ class PoseDistribution:
     def _shape(self) -> tuple[int, int]:
         west, south = self.corner
         east, north = self.poses[:, :2].max(axis=0)
-        columns, rows = int((east - west) / self.cell_m) + 3, int((north - south) / self.cell_m) + 3
+        columns, rows = (
+            int((east - west) / self.cell_m) + 3,
+            int((north - south) / self.cell_m) + 3,
+        )
         return rows, columns
 
     @cached_property

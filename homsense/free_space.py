@@ -57,7 +57,7 @@ class FreeSpace:
         if not free.any():
             message = f"no cell of {cell_m} m is free"
             raise InvalidMapError(message, "features")
-        return cls(grid, np.append(free, False))  # noqa: FBT003 - the cell outside
+        return cls(grid, np.append(free, False))
 
     def contains(self, xy: FloatArray) -> BoolArray:
         """Tell which places are free.
@@ -93,7 +93,8 @@ class FreeSpace:
         chosen = cells[rng.integers(len(cells), size=count)]
         row, column = np.divmod(chosen, self.grid.columns)
         corner = np.stack([column, row], axis=1) + rng.random((count, 2))
-        return corner * self.grid.cell_m + np.array([self.grid.west_m, self.grid.south_m])
+        places: FloatArray = corner * self.grid.cell_m + (self.grid.west_m, self.grid.south_m)
+        return places
 
     def blocked(self, start: FloatArray, end: FloatArray) -> BoolArray:
         """Tell which straight moves touch a structure or leave the domain.

@@ -50,9 +50,7 @@ def free_space_graph(grid: Grid, free: BoolArray) -> sparse.csr_array:
     return sparse.csr_array(entries, shape=(rows * columns, rows * columns))
 
 
-def _window(
-    up: int, right: int, rows: int, columns: int, *, at_end: bool
-) -> tuple[slice, slice]:
+def _window(up: int, right: int, rows: int, columns: int, *, at_end: bool) -> tuple[slice, slice]:
     """Return the cells from which (or at which) a move stays on the grid."""
     shift_up, shift_right = (up, right) if at_end else (0, 0)
     west = max(0, -right) + shift_right
@@ -62,9 +60,7 @@ def _window(
     )
 
 
-def _shifted(
-    free: BoolArray, part_up: int, part_right: int, up: int, right: int
-) -> BoolArray:
+def _shifted(free: BoolArray, part_up: int, part_right: int, up: int, right: int) -> BoolArray:
     rows, columns = free.shape
     west = max(0, -right)
     return free[

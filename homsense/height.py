@@ -165,9 +165,7 @@ def structures_within(
         hull = shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(mesh)))
         farthest = np.zeros(len(places))
         for x, y in hull:
-            np.maximum(
-                farthest, np.hypot(places[:, 0] - x, places[:, 1] - y), out=farthest
-            )
+            np.maximum(farthest, np.hypot(places[:, 0] - x, places[:, 1] - y), out=farthest)
         counts += farthest[None, :] <= radii_m[:, None]
     return counts
 

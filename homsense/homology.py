@@ -15,7 +15,7 @@ planes differ by a constant. Adding F glues it along L = F n K (Mayer-Vietoris):
 from collections.abc import Iterator, Sequence
 
 Planes = dict[int, int]
-"""Generator -> the points of one simplex where its potential is 1; constant planes are left out."""
+"""Generator -> points of one simplex where its potential is 1; constant planes are left out."""
 
 _RECENT = 8
 

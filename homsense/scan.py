@@ -31,7 +31,7 @@ class Reading:
     age_s: float = 0.0
 
     def __post_init__(self) -> None:
-        if not isinstance(self.landmark, str) or not self.landmark:
+        if not self.landmark:
             message = "a landmark is identified by a non-empty string"
             raise InvalidScanError(message, "landmark")
         if self.rssi_dbm is not None and not math.isfinite(self.rssi_dbm):
@@ -106,9 +106,11 @@ def observation(landmarks: Iterable[str]) -> frozenset[str]:
     if isinstance(landmarks, str | bytes):
         message = f"an observation is a set of identifiers, not the string {landmarks!r}"
         raise InvalidScanError(message, "landmarks")
-    found = frozenset(landmarks)
-    for landmark in found:
+    given: frozenset[object] = frozenset(landmarks)
+    found: set[str] = set()
+    for landmark in given:
         if not isinstance(landmark, str) or not landmark:
             message = f"a landmark is identified by a non-empty string, not {landmark!r}"
             raise InvalidScanError(message, "landmarks")
-    return found
+        found.add(landmark)
+    return frozenset(found)

@@ -7,7 +7,8 @@ landmark -> facets (posting lists), which is the Dowker dual. No face is ever li
 import hashlib
 import json
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Self
+from types import MappingProxyType
+from typing import NamedTuple, Self
 
 import networkx as nx
 
@@ -17,6 +18,17 @@ from homsense.relation import VisibilityRelation
 from homsense.scan import observation
 
 Simplex = frozenset[str]
+
+
+class Tables(NamedTuple):
+    """The facets both ways; never changed once a complex holds them."""
+
+    simplices: Mapping[int, Simplex] = MappingProxyType({})
+    postings: Mapping[str, frozenset[int]] = MappingProxyType({})
+    next_number: int = 0
+
+
+_EMPTY = Tables()
 
 
 class LandmarkComplex:
@@ -35,10 +47,10 @@ class LandmarkComplex:
 
     __slots__ = ("_next", "_postings", "_simplices")
 
-    def __init__(self) -> None:
-        self._simplices: Mapping[int, Simplex] = {}
-        self._postings: Mapping[str, frozenset[int]] = {}
-        self._next = 0
+    def __init__(self, tables: Tables = _EMPTY) -> None:
+        self._simplices = tables.simplices
+        self._postings = tables.postings
+        self._next = tables.next_number
 
     @classmethod
     def from_observations(cls, observations: Iterable[Iterable[str]]) -> Self:
@@ -105,9 +117,7 @@ class LandmarkComplex:
             number += 1
         if number == self._next:
             return self
-        grown = type(self)()
-        grown._simplices, grown._postings, grown._next = simplices, postings, number
-        return grown
+        return type(self)(Tables(simplices, postings, number))
 
     def __or__(self, other: "LandmarkComplex") -> Self:
         """Return the union: the complex of the observations of both."""
@@ -292,7 +302,9 @@ class LandmarkComplex:
         """
         graph: nx.Graph[str] = nx.Graph()
         graph.add_nodes_from(sorted(self._postings))
-        graph.add_edges_from(chains.faces(self._simplices.values(), 1, max_faces=50_000_000))
+        for landmark in sorted(self._postings):
+            later = sorted(other for other in self._neighbors(landmark) if other > landmark)
+            graph.add_edges_from((landmark, other) for other in later)
         return graph
 
     def n_edges(self) -> int:
@@ -303,11 +315,12 @@ class LandmarkComplex:
         int
             Pairs of landmarks that were seen together.
         """
-        ends = sum(len(self._neighbors(landmark)) - 1 for landmark in self._postings)
+        ends = sum(len(self._neighbors(landmark)) for landmark in self._postings)
         return ends // 2
 
     def _neighbors(self, landmark: str) -> frozenset[str]:
-        return frozenset().union(*(self._simplices[n] for n in self._postings[landmark]))
+        around: frozenset[str] = frozenset()
+        return around.union(*(self._simplices[n] for n in self._postings[landmark])) - {landmark}
 
     def _rings(self, start: Simplex) -> Iterator[Simplex]:
         """Yield the landmarks at 0, 1, 2... hops; each facet is expanded once."""

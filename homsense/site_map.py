@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Self
@@ -190,13 +190,14 @@ class SiteMap:
         if self.origin is None:
             message = "the map has no georeference"
             raise InvalidMapError(message, "origin")
-        inverse = _transformer(self.origin, inverse=True)
-        places = np.asarray(xy, dtype=np.float64)
-        return np.stack(inverse.transform(places[:, 0], places[:, 1]), axis=1)
+        return _projection(self.origin, inverse=True)(np.asarray(xy, dtype=np.float64))
 
 
 def _is_local(document: Mapping[str, Any]) -> bool:
-    frame = document.get("frame", "wgs84") if isinstance(document, Mapping) else "wgs84"
+    if not hasattr(document, "get"):
+        message = "the map is not a GeoJSON object"
+        raise InvalidMapError(message)
+    frame = document.get("frame", "wgs84")
     if frame not in ("local", "wgs84"):
         message = f'frame is "local" (metres) or "wgs84" (degrees), not {frame!r}'
         raise InvalidMapError(message, "frame")
@@ -208,11 +209,15 @@ def _middle(features: list[Feature]) -> tuple[float, float]:
     return float(south + north) / 2, float(west + east) / 2
 
 
-def _transformer(origin: tuple[float, float], *, inverse: bool = False) -> Transformer:
+def _projection(
+    origin: tuple[float, float], *, inverse: bool = False
+) -> Callable[[FloatArray], FloatArray]:
+    """Return the map from degrees to local metres, or back, on arrays of shape (N, 2)."""
     latitude, longitude = origin
     local = f"+proj=aeqd +lat_0={latitude!r} +lon_0={longitude!r} +datum=WGS84 +units=m"
     ends = (local, "EPSG:4326") if inverse else ("EPSG:4326", local)
-    return Transformer.from_crs(*ends, always_xy=True)
+    transformer = Transformer.from_crs(*ends, always_xy=True)
+    return lambda xy: np.stack(transformer.transform(xy[:, 0], xy[:, 1]), axis=1)
 
 
 def _to_metres(features: list[Feature], origin: tuple[float, float]) -> list[Feature]:
@@ -224,16 +229,15 @@ def _to_metres(features: list[Feature], origin: tuple[float, float]) -> list[Fea
                 '"frame": "local" beside its type'
             )
             raise InvalidMapError(message, feature.where)
-    forward = _transformer(origin)
-    moved = [
+    forward = _projection(origin)
+    return [
         Feature(
-            shapely.transform(feature.geometry, forward.transform, interleaved=False),
+            shapely.transform(feature.geometry, forward),
             feature.role,
             feature.where,
         )
         for feature in features
     ]
-    return moved
 
 
 def _merge(
@@ -253,7 +257,7 @@ def _merge(
     )
 
 
-def _domain(areas: list[BaseGeometry], structures: tuple[Polygon, ...]) -> MultiPolygon:
+def _domain(areas: Sequence[BaseGeometry], structures: tuple[Polygon, ...]) -> MultiPolygon:
     west, south, east, north = shapely.total_bounds([*areas, *structures])
     if max(east - west, north - south) > MAX_EXTENT_M:
         message = f"the map spans more than {MAX_EXTENT_M / 1000:.0f} km"

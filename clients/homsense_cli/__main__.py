@@ -71,9 +71,11 @@ def fleet(
     seed: SeedOption = 0,
 ) -> None:
     """Map a site of a running service with simulated phones."""
+    from homsense_fleet.driver import Crowd
+    from homsense_fleet.world import Radio, downtown_44, world_from_geojson
+
     from homsense_cli.fleet import run_fleet
     from homsense_cli.maps import read_map
-    from homsense_fleet.world import Radio, downtown_44, world_from_geojson
 
     radio = Radio(s_max_m=s_max_m)
     if map_file is None:
@@ -82,7 +84,7 @@ def fleet(
         world = world_from_geojson(
             read_map(map_file, window_m), seed, n_transmitters=transmitters, radio=radio, name=site
         )
-    run_fleet(url, site, world, seed=seed, phones=phones, scans_each=scans, console=Console())
+    run_fleet(url, site, world, Crowd(seed, phones, scans), Console())
 
 
 @app.command()
@@ -95,17 +97,11 @@ def replay(
     limit: Annotated[int | None, typer.Option(min=1, help="Most walks of a floor.")] = None,
 ) -> None:
     """Replay recorded walks through the service and score them against the surveyed truth."""
-    from homsense_cli.replay import run_replay
+    from homsense_cli.replay import Replay, run_replay
 
-    run_replay(
-        directory,
-        floor or [],
-        min_rssi_dbm=min_rssi_dbm,
-        hops=hops or [1, 2],
-        seed=seed,
-        limit=limit,
-        console=Console(),
-    )
+    levels = tuple(sorted(set(hops or [1, 2])))
+    chosen = Replay(tuple(floor or ()), min_rssi_dbm, levels, seed, limit)
+    run_replay(directory, chosen, Console())
 
 
 def main() -> None:

@@ -5,6 +5,9 @@ import json
 import time
 from pathlib import Path
 
+from homsense_client import Client
+from homsense_fleet.driver import Crowd
+from homsense_fleet.world import downtown_44
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -19,10 +22,8 @@ from homsense_cli.demo_run import (
 )
 from homsense_cli.figures import draw_all
 from homsense_cli.local_service import local_service
-from homsense_client import Client
-from homsense_fleet.world import downtown_44
 
-PHONES, SCANS_EACH, LENGTH_M = 40, 130, 1500.0
+LENGTH_M = 1500.0
 
 
 def run_demo(seed: int, out: Path, console: Console) -> dict[str, object]:
@@ -54,16 +55,10 @@ def run_demo(seed: int, out: Path, console: Console) -> dict[str, object]:
     with local_service() as url, Client(url) as client, bars:
         site = world.name
         prepare_site(client, site, world)
-        posted = bars.add_task(f"{PHONES} phones post scans", total=PHONES * SCANS_EACH)
-        map_world(
-            url,
-            site,
-            world,
-            seed=seed,
-            phones=PHONES,
-            scans_each=SCANS_EACH,
-            on_posted=lambda count: bars.advance(posted, count),
-        )
+        crowd = Crowd(seed)
+        total = crowd.phones * crowd.scans_each
+        posted = bars.add_task(f"{crowd.phones} phones post scans", total=total)
+        map_world(url, site, world, crowd, lambda count: bars.advance(posted, count))
         bars.update(posted, total=bars.tasks[posted].completed)
         grown = client.get_complex(site)
         console.print(

@@ -8,16 +8,13 @@ from statistics import median
 from typing import Any
 
 import numpy as np
-
 from homsense_client import AsyncClient, Client, Complex, Pose, Session
 from homsense_fleet.device import DriveStep, drive
-from homsense_fleet.driver import map_site
+from homsense_fleet.driver import Crowd, map_site
 from homsense_fleet.world import World
 
 LAST_M = 300.0
 SNAPSHOTS = 4
-
-Progress = Callable[[str, int], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,28 +81,13 @@ def prepare_site(client: Client, site: str, world: World) -> None:
 
 
 def map_world(
-    url: str,
-    site: str,
-    world: World,
-    *,
-    seed: int,
-    phones: int,
-    scans_each: int,
-    on_posted: Callable[[int], None],
+    url: str, site: str, world: World, crowd: Crowd, on_posted: Callable[[int], None]
 ) -> int:
     """Post the scans of a fleet of phones; return how many were accepted."""
 
     async def post() -> int:
         async with AsyncClient(url) as client:
-            return await map_site(
-                client,
-                site,
-                world,
-                seed=seed,
-                phones=phones,
-                scans_each=scans_each,
-                on_posted=on_posted,
-            )
+            return await map_site(client, site, world, crowd, on_posted)
 
     return asyncio.run(post())
 
@@ -186,7 +168,6 @@ def every(moments: list[Moment], way_m: float) -> list[Moment]:
     return [
         moment
         for before, moment in zip([None, *moments], moments, strict=False)
-        if before is None and moment.travelled_m >= way_m
-        or before is not None
-        and moment.travelled_m // way_m > before.travelled_m // way_m
+        if (before is None and moment.travelled_m >= way_m)
+        or (before is not None and moment.travelled_m // way_m > before.travelled_m // way_m)
     ]

@@ -19,8 +19,9 @@ import homsense
 
 FloatArray = NDArray[np.float64]
 
+TOUCHING = 1e-9
 WALL, FAR, NEAR, SEEN, TRUTH = "#c9ccd1", "#e3a857", "#2f6f9f", "#c0392b", "#1a1a1a"
-STYLE = {
+STYLE: dict[Any, Any] = {
     "font.family": "serif",
     "font.size": 9,
     "axes.spines.top": False,
@@ -98,7 +99,9 @@ def evolution(run: Mapping[str, Any]) -> Figure:
         _draw_complex(middle, grown, layout, colors, snapshot["visible"])
         _draw_walls(right, site_map)
         particles = np.array(snapshot["particles"])
-        right.scatter(*particles[:, :2].T, s=1.2, color=NEAR, alpha=0.35, linewidths=0)
+        right.scatter(
+            particles[:, 0], particles[:, 1], s=1.2, color=NEAR, alpha=0.35, linewidths=0
+        )
         _draw_truth(right, snapshot["truth"])
         _plain(right, site_map, "posterior")
     axes[0][1].set_title("landmark complex (no coordinates)")
@@ -165,7 +168,7 @@ def _majorize(places: FloatArray, distance: FloatArray) -> FloatArray:
     weights = np.divide(1.0, np.square(distance), where=distance > 0, out=np.zeros_like(distance))
     apart = np.linalg.norm(places[:, None] - places[None], axis=2)
     pull = np.divide(
-        weights * distance, apart, where=apart > 1e-9, out=np.zeros_like(distance)
+        weights * distance, apart, where=apart > TOUCHING, out=np.zeros_like(distance)
     )
     moved = pull.sum(axis=1, keepdims=True) * places - pull @ places + weights @ places
     result: FloatArray = moved / np.maximum(weights.sum(axis=1, keepdims=True), 1e-12)
@@ -232,7 +235,8 @@ def _draw_landmarks(
 ) -> None:
     for name in sorted(colors):
         marker, size = ("s", 16) if name in visible else ("o", 6)
-        ax.scatter(*places[name], marker=marker, s=size, color=colors[name], linewidths=0)
+        x, y = places[name]
+        ax.scatter(x, y, marker=marker, s=size, color=colors[name], linewidths=0)
 
 
 def _draw_complex(
@@ -248,7 +252,9 @@ def _draw_complex(
     ax.add_collection(LineCollection(edges, colors="#7d8794", linewidths=0.25, alpha=0.7))
     for name, place in layout.items():
         marker, size = ("s", 16) if name in visible else ("o", 6)
-        ax.scatter(*place, marker=marker, s=size, color=colors[name], linewidths=0, zorder=3)
+        ax.scatter(
+            place[0], place[1], marker=marker, s=size, color=colors[name], linewidths=0, zorder=3
+        )
     ax.set_aspect("equal")
     ax.axis("off")
 

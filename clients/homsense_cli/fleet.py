@@ -1,17 +1,15 @@
 """``homsense fleet``: simulated phones map a site of a running service."""
 
-
+from homsense_client import Client, Complex
+from homsense_fleet.driver import Crowd
+from homsense_fleet.world import World
 from rich.console import Console
 from rich.progress import Progress
 
 from homsense_cli.demo_run import map_world, prepare_site
-from homsense_client import Client, Complex
-from homsense_fleet.world import World
 
 
-def run_fleet(
-    url: str, site: str, world: World, *, seed: int, phones: int, scans_each: int, console: Console
-) -> Complex:
+def run_fleet(url: str, site: str, world: World, crowd: Crowd, console: Console) -> Complex:
     """Create a site for a world, let phones map it, and print what became of it.
 
     Parameters
@@ -22,12 +20,8 @@ def run_fleet(
         Name of the site.
     world : World
         Where the phones walk.
-    seed : int
-        Decides routes and radio noise.
-    phones : int
-        How many phones.
-    scans_each : int
-        Scans of each phone.
+    crowd : Crowd
+        The phones.
     console : rich.console.Console
         Where progress goes.
 
@@ -38,16 +32,9 @@ def run_fleet(
     """
     with Client(url, timeout_s=120.0) as client, Progress(console=console) as bars:
         prepare_site(client, site, world)
-        task = bars.add_task(f"{phones} phones post scans", total=phones * scans_each)
-        map_world(
-            url,
-            site,
-            world,
-            seed=seed,
-            phones=phones,
-            scans_each=scans_each,
-            on_posted=lambda count: bars.advance(task, count),
-        )
+        total = crowd.phones * crowd.scans_each
+        task = bars.add_task(f"{crowd.phones} phones post scans", total=total)
+        map_world(url, site, world, crowd, lambda count: bars.advance(task, count))
         grown = client.get_complex(site)
     console.print(
         f"{site}: {len(world.city.buildings)} buildings, {grown.observations} observations, "

@@ -1,6 +1,7 @@
 """Recorded real data -> maps, scans and walks, in the words of the contract.
 
-Reads the folders described in ``docs/data.md``: mall floors with surveyed walks (ilc20). Truth is read for scoring only and never leaves this package.
+Reads folders of mall floors with surveyed walks, as ``docs/data.md`` describes them. Truth is read
+for scoring only and never leaves this package.
 """
 
 import gzip
@@ -140,6 +141,7 @@ def walk_events(floor: Floor, chain: list[str]) -> list[WalkEvent]:
     heading = start_heading(floor, chain)
     for name in chain:
         trace = floor.traces[name]
+        moments: list[tuple[float, int, list[dict[str, Any]] | None]]
         moments = [(float(t), index, None) for index, t in enumerate(trace.steps[:, 0])]
         moments += [(t, -1, readings) for t, readings in trace.scans if readings]
         for t, index, readings in sorted(moments, key=lambda moment: moment[0]):

@@ -8,6 +8,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
+from homsense_client import Client, Complex, Session
 from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
@@ -22,7 +23,6 @@ from homsense_cli.recorded import (
     start_heading,
     walk_events,
 )
-from homsense_client import Client, Complex, Session
 
 HEADING_STD_RAD = 0.2
 STEP_STD = 0.15, 0.1, 0.08
@@ -55,32 +55,40 @@ class Score:
     baseline_m: float
 
 
-def run_replay(
-    directory: Path,
-    floors: list[str],
-    *,
-    min_rssi_dbm: float,
-    hops: list[int],
-    seed: int,
-    limit: int | None,
-    console: Console,
-) -> list[Score]:
+@dataclass(frozen=True, slots=True)
+class Replay:
+    """What to replay, and how to sense.
+
+    Parameters
+    ----------
+    floors : tuple of str
+        Which floors; all when empty.
+    min_rssi_dbm : float
+        Weakest strength that counts as visible, dBm.
+    hops : tuple of int
+        Neighborhoods whose holes are counted.
+    seed : int
+        Of the particles.
+    limit : int, optional
+        Most walks of a floor.
+    """
+
+    floors: tuple[str, ...] = ()
+    min_rssi_dbm: float = -60.0
+    hops: tuple[int, ...] = (1, 2)
+    seed: int = 0
+    limit: int | None = None
+
+
+def run_replay(directory: Path, replay: Replay, console: Console) -> list[Score]:
     """Replay the walks of recorded floors, each against the complex of all other phones.
 
     Parameters
     ----------
     directory : pathlib.Path
         The recordings.
-    floors : list of str
-        Which floors; all when empty.
-    min_rssi_dbm : float
-        Weakest strength that counts as visible, dBm.
-    hops : list of int
-        Neighborhoods whose holes are counted.
-    seed : int
-        Of the particles.
-    limit : int, optional
-        Most walks of a floor.
+    replay : Replay
+        What to replay.
     console : rich.console.Console
         Where progress and the table go.
 
@@ -95,21 +103,20 @@ def run_replay(
         Client(url, timeout_s=300.0) as client,
         Progress(console=console) as bars,
     ):
-        for name in floors or floor_names(directory):
+        for name in replay.floors or floor_names(directory):
             floor = read_floor(directory, name)
-            walks = floor.chains[:limit]
+            walks = floor.chains[: replay.limit]
             task = bars.add_task(f"{name}: {len(walks)} walks", total=len(walks))
             for chain in walks:
-                client.put_site(name, min_rssi_dbm=min_rssi_dbm, hops=hops, **SITE)
-                scores.append(_replay_walk(client, floor, chain, seed))
-                client.delete_site(name)
+                scores.append(_replay_walk(client, floor, chain, replay))
                 bars.advance(task)
     console.print(_table(scores))
     return scores
 
 
-def _replay_walk(client: Client, floor: Floor, chain: list[str], seed: int) -> Score:
+def _replay_walk(client: Client, floor: Floor, chain: list[str], replay: Replay) -> Score:
     site = floor.name
+    client.put_site(site, min_rssi_dbm=replay.min_rssi_dbm, hops=list(replay.hops), **SITE)
     client.put_map(site, floor.map_document)
     scans = iter(crowd_scans(floor, chain))
     while batch := list(islice(scans, BATCH)):
@@ -120,14 +127,16 @@ def _replay_walk(client: Client, floor: Floor, chain: list[str], seed: int) -> S
         "heading": {"mean_rad": start_heading(floor, chain), "std_rad": HEADING_STD_RAD},
     }
     with (
-        client.open_session(site, seed=seed, prior=prior) as phone,
-        client.open_session(site, seed=seed, prior=prior) as blind,
+        client.open_session(site, seed=replay.seed, prior=prior) as phone,
+        client.open_session(site, seed=replay.seed, prior=prior) as blind,
     ):
         errors = [_advance(phone, blind, event) for event in events]
+    grown = client.get_complex(site)
+    client.delete_site(site)
     return Score(
         floor.name,
         sum(event.delta["length_m"] for event in events if event.delta),
-        client.get_complex(site),
+        grown,
         median(error for error, _ in errors),
         median(baseline for _, baseline in errors),
     )

@@ -71,7 +71,7 @@ class AsyncClient:
                     return protocol.read_answer(call, answer.status_code, parsed(answer))
             await asyncio.sleep(wait)
 
-    async def put_site(self, site: str, **config: Any) -> models.Site:
+    async def put_site(self, site: str, **config: protocol.Json) -> models.Site:
         """Create or configure a site."""
         return await self.send(protocol.put_site(site, config))
 
@@ -99,7 +99,9 @@ class AsyncClient:
         """Export the complex as ``facets``, ``hif`` or ``node-link``."""
         return await self.send(protocol.export_complex(site, form))
 
-    async def local_homology(self, site: str, landmarks: protocol.Landmarks, hops: Iterable[int] | None = None) -> models.LocalHomology:
+    async def local_homology(
+        self, site: str, landmarks: protocol.Landmarks, hops: Iterable[int] | None = None
+    ) -> models.LocalHomology:
         """Count the holes near a scan."""
         return await self.send(protocol.local_homology(site, landmarks, hops))
 
@@ -107,7 +109,7 @@ class AsyncClient:
         """Read the expected holes over the map."""
         return await self.send(protocol.height_map(site, hops))
 
-    async def open_session(self, site: str, **options: Any) -> "AsyncSession":
+    async def open_session(self, site: str, **options: protocol.Json) -> "AsyncSession":
         """Open a session on a site; use it as a context manager."""
         return AsyncSession(self, await self.send(protocol.open_session(site, options)))
 

@@ -71,7 +71,7 @@ class Client:
                     return protocol.read_answer(call, answer.status_code, parsed(answer))
             time.sleep(wait)
 
-    def put_site(self, site: str, **config: Any) -> models.Site:
+    def put_site(self, site: str, **config: protocol.Json) -> models.Site:
         """Create or configure a site."""
         return self.send(protocol.put_site(site, config))
 
@@ -99,7 +99,9 @@ class Client:
         """Export the complex as ``facets``, ``hif`` or ``node-link``."""
         return self.send(protocol.export_complex(site, form))
 
-    def local_homology(self, site: str, landmarks: protocol.Landmarks, hops: Iterable[int] | None = None) -> models.LocalHomology:
+    def local_homology(
+        self, site: str, landmarks: protocol.Landmarks, hops: Iterable[int] | None = None
+    ) -> models.LocalHomology:
         """Count the holes near a scan."""
         return self.send(protocol.local_homology(site, landmarks, hops))
 
@@ -107,7 +109,7 @@ class Client:
         """Read the expected holes over the map."""
         return self.send(protocol.height_map(site, hops))
 
-    def open_session(self, site: str, **options: Any) -> "Session":
+    def open_session(self, site: str, **options: protocol.Json) -> "Session":
         """Open a session on a site; use it as a context manager."""
         return Session(self, self.send(protocol.open_session(site, options)))
 

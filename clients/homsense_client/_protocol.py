@@ -16,7 +16,8 @@ from homsense_client.errors import (
 )
 
 Answer = TypeVar("Answer")
-Scan = Mapping[str, Any]
+Json = Any
+Scan = Mapping[str, Json]
 Landmarks = Iterable[str | Mapping[str, Any]]
 
 _FAILURES: dict[int, type[ResponseError]] = {

@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 from shapely import affinity
 from shapely.geometry import Polygon, box
+from shapely.geometry.base import BaseGeometry
 
 Rng = np.random.Generator
 
@@ -34,7 +35,13 @@ class City:
 
 
 def downtown(
-    rng: Rng, *, columns: int = 9, rows: int = 7, cut: int = 4, plazas: int = 9, pitch_m: float = 90.0
+    rng: Rng,
+    *,
+    columns: int = 9,
+    rows: int = 7,
+    cut: int = 4,
+    plazas: int = 9,
+    pitch_m: float = 90.0,
 ) -> City:
     """Build a downtown of ``columns * rows - cut * (cut + 1) / 2 - plazas`` buildings.
 
@@ -101,7 +108,10 @@ def _footprint(rng: Rng, block: Polygon) -> Polygon:
     lot = box(west + street[0], south + street[1], east - street[2], north - street[3])
     shape = _SHAPES[int(rng.integers(len(_SHAPES)))](rng, lot)
     turned = affinity.rotate(shape, float(rng.uniform(-4.0, 4.0)))
-    return Polygon(turned.exterior)
+    return max(
+        (part for part in shapely.get_parts(turned) if isinstance(part, Polygon)),
+        key=lambda part: part.area,
+    )
 
 
 def _notch(rng: Rng, lot: Polygon, depth: float, width: float) -> Polygon:
@@ -120,7 +130,7 @@ def _quadrilateral(rng: Rng, lot: Polygon) -> Polygon:
     return Polygon(corners + inward * (center - corners))
 
 
-def _l_shape(rng: Rng, lot: Polygon) -> Polygon:
+def _l_shape(rng: Rng, lot: Polygon) -> BaseGeometry:
     west, south, east, north = lot.bounds
     w, h = (east - west) * rng.uniform(0.3, 0.5), (north - south) * rng.uniform(0.3, 0.5)
     corner = int(rng.integers(4))
@@ -129,7 +139,7 @@ def _l_shape(rng: Rng, lot: Polygon) -> Polygon:
     return lot.difference(box(x, y, x + w + 1, y + h + 1))
 
 
-def _u_shape(rng: Rng, lot: Polygon) -> Polygon:
+def _u_shape(rng: Rng, lot: Polygon) -> BaseGeometry:
     west, south, east, north = lot.bounds
     third = (east - west) / 3
     depth = (north - south) * rng.uniform(0.3, 0.5)
@@ -138,10 +148,9 @@ def _u_shape(rng: Rng, lot: Polygon) -> Polygon:
     return affinity.rotate(lot.difference(court), 180.0 * (quarter_turns % 2), origin="centroid")
 
 
-def _notched(rng: Rng, lot: Polygon) -> Polygon:
+def _notched(rng: Rng, lot: Polygon) -> BaseGeometry:
     shape = _quadrilateral(rng, lot)
-    cut = shape.difference(_notch(rng, lot, 0.35, 0.3))
-    return cut if isinstance(cut, Polygon) else shape
+    return shape.difference(_notch(rng, lot, 0.35, 0.3))
 
 
 def _octagon(rng: Rng, lot: Polygon) -> Polygon:

@@ -211,7 +211,9 @@ def drive(
         turn = math.remainder(float(new_heading) - heading, math.tau)
         wrong = rng.normal(0.0, 1.0, 3)
         delta = {
-            "forward_m": float(cosine * move[0] + sine * move[1] + errors.translation_m * wrong[0]),
+            "forward_m": float(
+                cosine * move[0] + sine * move[1] + errors.translation_m * wrong[0]
+            ),
             "left_m": float(-sine * move[0] + cosine * move[1] + errors.translation_m * wrong[1]),
             "turn_rad": turn + errors.rotation_rad * float(wrong[2]),
         }

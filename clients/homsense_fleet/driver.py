@@ -2,23 +2,42 @@
 
 import asyncio
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
-
 from homsense_client import AsyncClient
+
 from homsense_fleet.device import phone_scans
 from homsense_fleet.world import World
+
+
+@dataclass(frozen=True, slots=True)
+class Crowd:
+    """Phones that walk a world.
+
+    Parameters
+    ----------
+    seed : int
+        Decides their routes and the radio noise.
+    phones : int, default 40
+        How many phones post side by side.
+    scans_each : int, default 130
+        Scans of each phone.
+    batch : int, default 50
+        Scans in a request.
+    """
+
+    seed: int
+    phones: int = 40
+    scans_each: int = 130
+    batch: int = 50
 
 
 async def map_site(
     client: AsyncClient,
     site: str,
     world: World,
-    *,
-    seed: int,
-    phones: int = 40,
-    scans_each: int = 130,
-    batch: int = 50,
+    crowd: Crowd,
     on_posted: Callable[[int], None] = lambda _count: None,
 ) -> int:
     """Let phones walk the world and post what they hear.
@@ -31,14 +50,8 @@ async def map_site(
         An existing site.
     world : World
         Where the phones walk.
-    seed : int
-        Decides their routes and the radio noise.
-    phones : int, default 40
-        How many phones post side by side.
-    scans_each : int, default 130
-        Scans of each phone.
-    batch : int, default 50
-        Scans in a request.
+    crowd : Crowd
+        The phones.
     on_posted : callable, optional
         Told how many scans were posted, after each request.
 
@@ -50,13 +63,13 @@ async def map_site(
 
     async def walk(number: int) -> int:
         device = f"phone-{number:02d}"
-        rng = np.random.default_rng([seed, 1, number])
-        scans = list(phone_scans(world, device, rng, count=scans_each))
+        rng = np.random.default_rng([crowd.seed, 1, number])
+        scans = list(phone_scans(world, device, rng, count=crowd.scans_each))
         accepted = 0
-        for first in range(0, len(scans), batch):
-            receipt = await client.post_scans(site, scans[first : first + batch])
+        for first in range(0, len(scans), crowd.batch):
+            receipt = await client.post_scans(site, scans[first : first + crowd.batch])
             accepted += receipt.accepted
             on_posted(receipt.accepted)
         return accepted
 
-    return sum(await asyncio.gather(*(walk(number) for number in range(phones))))
+    return sum(await asyncio.gather(*(walk(number) for number in range(crowd.phones))))

@@ -9,6 +9,7 @@ import shapely
 from numpy.typing import NDArray
 from pyproj import Transformer
 from shapely.geometry import MultiPolygon, Polygon, box, mapping, shape
+from shapely.geometry.base import BaseGeometry
 
 from homsense_fleet.city import City, downtown
 
@@ -75,6 +76,7 @@ class World:
 
     def map_document(self) -> dict[str, Any]:
         """Return the unlabeled map as GeoJSON in local metres."""
+        areas: list[tuple[dict[str, str], Polygon]]
         areas = [({}, building) for building in self.city.buildings]
         if self.city.district is not None:
             areas.append(({"role": "domain"}, self.city.district))
@@ -89,7 +91,9 @@ class World:
 
     def places(self) -> dict[str, tuple[float, float]]:
         """Return where each transmitter is, by identifier."""
-        return {i: (float(x), float(y)) for i, (x, y) in zip(self.ids, self.transmitters, strict=True)}
+        return {
+            i: (float(x), float(y)) for i, (x, y) in zip(self.ids, self.transmitters, strict=True)
+        }
 
     def is_free(self, xy: FloatArray) -> bool:
         """Tell whether a place is outside all buildings, with some clearance."""
@@ -191,7 +195,10 @@ def _to_metres(areas: list[Any], origin: tuple[float, float]) -> list[Any]:
     latitude, longitude = origin
     local = f"+proj=aeqd +lat_0={latitude!r} +lon_0={longitude!r} +datum=WGS84 +units=m"
     forward = Transformer.from_crs("EPSG:4326", local, always_xy=True)
-    return [shapely.transform(area, forward.transform, interleaved=False) for area in areas]
+    return [
+        shapely.transform(area, lambda xy: np.stack(forward.transform(*xy.T), axis=1))
+        for area in areas
+    ]
 
 
 def _populate(name: str, city: City, rng: Rng, count: int, radio: Radio) -> World:
@@ -227,7 +234,7 @@ def _bssid(rng: Rng) -> str:
     return ":".join(f"{octet:02x}" for octet in octets)
 
 
-def _lattice(buildings: shapely.Geometry, spacing_m: float = 8.0) -> Any:  # noqa: ANN401
+def _lattice(buildings: BaseGeometry, spacing_m: float = 8.0) -> Any:  # noqa: ANN401
     """Return the largest connected lattice graph that keeps clear of the buildings."""
     west, south, east, north = buildings.bounds
     xs = np.arange(west - spacing_m, east + 1.5 * spacing_m, spacing_m)

@@ -46,7 +46,7 @@ def _answer(
 
 
 async def _invalid_request(_request: Request, error: Exception) -> JSONResponse:
-    assert isinstance(error, RequestValidationError)  # noqa: S101 - narrows for the type checker
+    assert isinstance(error, RequestValidationError)
     found: Sequence[dict[str, Any]] = error.errors()
     if any(entry["type"] == "json_invalid" for entry in found):
         return _answer(MALFORMED_JSON, "the body cannot be read as JSON")
@@ -56,9 +56,11 @@ async def _invalid_request(_request: Request, error: Exception) -> JSONResponse:
 
 
 async def _http_error(_request: Request, error: Exception) -> JSONResponse:
-    assert isinstance(error, HTTPException)  # noqa: S101 - narrows for the type checker
+    assert isinstance(error, HTTPException)
     detail = str(error.detail)
-    kind = TOO_LARGE if error.status_code == TOO_LARGE.status else _plain(error.status_code, detail)
+    kind = (
+        TOO_LARGE if error.status_code == TOO_LARGE.status else _plain(error.status_code, detail)
+    )
     return _answer(kind, detail, headers=dict(error.headers or {}))
 
 

@@ -1,8 +1,9 @@
 """What the service does. Every rim parses, calls one of these, and renders the answer."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import TypeVar
 
 import homsense
 from homsense_service import schemas
@@ -10,6 +11,8 @@ from homsense_service.records import StoredReading, StoredScan
 from homsense_service.sessions import Fix, Session, SessionTable, Step
 from homsense_service.settings import Settings
 from homsense_service.sites import Site, SiteRegistry
+
+Answer = TypeVar("Answer")
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,19 +85,19 @@ class Operations:
         return self.sessions.open(site, version, localizer, hops, request.seed)
 
     def take_steps(
-        self, name: str, steps: Sequence[schemas.StepIn], answer: Any  # noqa: ANN401
-    ) -> Any:  # noqa: ANN401
+        self,
+        name: str,
+        steps: Sequence[schemas.StepIn],
+        answer: Callable[[Session, Fix], Answer],
+    ) -> Answer:
         """Apply steps to a session and answer with what follows from the last."""
         session = self.sessions.get(name)
-
-        def answered(fix: Fix) -> Any:  # noqa: ANN401
-            return answer(session, fix)
-
-        return session.apply([_step(session, step) for step in steps], answered)
+        given = [_step(session, step) for step in steps]
+        return session.apply(given, partial(answer, session))
 
     def _stored(self, scan: schemas.ScanIn | schemas.DroppedScan) -> StoredScan:
         if isinstance(scan, schemas.DroppedScan):
-            raise ValueError(scan.reason)
+            raise ValueError(scan.reason)  # noqa: TRY004 - the content is wrong, not our type
         return scan.to_stored(self._settings.max_landmarks_per_scan)
 
 

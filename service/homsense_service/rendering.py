@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 from PIL import Image
 from shapely.geometry import mapping
+from shapely.geometry.base import BaseGeometry
 
 import homsense
 from homsense_service import schemas
@@ -194,9 +195,7 @@ def render_grid(pose: homsense.PoseDistribution) -> dict[str, Any]:
     }
 
 
-def render_geojson(
-    pose: homsense.PoseDistribution, site_map: homsense.SiteMap
-) -> dict[str, Any]:
+def render_geojson(pose: homsense.PoseDistribution, site_map: homsense.SiteMap) -> dict[str, Any]:
     """Return modes as points and highest-density regions as polygons.
 
     Positions are longitude and latitude when the map has a georeference, else metres, which the
@@ -204,7 +203,7 @@ def render_geojson(
     """
     located = site_map.origin is not None
 
-    def feature(geometry: shapely.Geometry, properties: dict[str, Any]) -> dict[str, Any]:
+    def feature(geometry: BaseGeometry, properties: dict[str, Any]) -> dict[str, Any]:
         if located:
             geometry = shapely.transform(geometry, site_map.to_wgs84)
         return {"type": "Feature", "geometry": mapping(geometry), "properties": properties}
@@ -232,7 +231,7 @@ def _region(pose: homsense.PoseDistribution, level: float) -> shapely.MultiPolyg
     west, south = pose.corner
     x, y = west + column * pose.cell_m, south + row * pose.cell_m
     cells = shapely.union_all(shapely.box(x, y, x + pose.cell_m, y + pose.cell_m))
-    return shapely.MultiPolygon([part for part in shapely.get_parts(cells)])
+    return shapely.MultiPolygon(list(shapely.get_parts(cells)))
 
 
 def _mode(mode: homsense.Mode) -> schemas.ModeOut:

@@ -134,13 +134,15 @@ class Session:
         with self._lock:
             self._check(ordered)
             if last <= self._fix.seq:
-                return self._answers.get(last) or answer(self._fix)
+                known: Answer | None = self._answers.get(last)
+                return answer(self._fix) if known is None else known
             for step in ordered:
                 if step.seq > self._fix.seq:
                     self._advance(step)
-            self._answers[last] = answer(self._fix)
+            given = answer(self._fix)
+            self._answers[last] = given
             _forget_oldest(self._answers)
-            return self._answers[last]
+            return given
 
     def _check(self, ordered: list[Step]) -> None:
         pending: dict[int, Step] = {}

@@ -66,7 +66,8 @@ class Site:
         self.map: MapVersion | None = None
         self.writing = threading.Lock()
         self._settings = settings
-        self.forget()
+        self._sample: dict[bytes, frozenset[str]] = {}
+        self.complex = ComplexVersion(homsense.LandmarkComplex(), 0, frozenset())
         self._sensed: OrderedDict[tuple[Any, ...], list[homsense.LocalHomology]] = OrderedDict()
         self._heights: dict[tuple[Any, ...], homsense.HeightMap] = {}
         self._deriving = threading.Lock()
@@ -109,7 +110,9 @@ class Site:
         for surplus in sorted(self._sample)[self._settings.calibration_scans :]:
             del self._sample[surplus]
 
-    def sense(self, visible: frozenset[str], hops: tuple[int, ...]) -> list[homsense.LocalHomology]:
+    def sense(
+        self, visible: frozenset[str], hops: tuple[int, ...]
+    ) -> list[homsense.LocalHomology]:
         """Return the local homology of a visible set, from the cache when it is there."""
         current = self.complex.landmark_complex
         key = (id(current), visible, hops)

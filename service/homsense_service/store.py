@@ -99,7 +99,8 @@ class SqliteStore:
     def put_site(self, site: str, config: SiteConfig) -> None:
         """Create or replace a site's configuration."""
         statement = (
-            "INSERT INTO site VALUES (?, ?) ON CONFLICT (id) DO UPDATE SET config = excluded.config"
+            "INSERT INTO site (id, config) VALUES (?, ?) "
+            "ON CONFLICT (id) DO UPDATE SET config = excluded.config"
         )
         with self._lock, self._connection:
             self._connection.execute(statement, (site, json.dumps(asdict(config))))
@@ -159,11 +160,10 @@ class SqliteStore:
 def _row(scan: StoredScan) -> tuple[str, str, float, str, str | None]:
     readings = [(r.landmark, r.rssi_dbm, r.age_s) for r in scan.readings]
     text = json.dumps(readings, separators=(",", ":"))
-    return scan.device, scan.scan_id, scan.observed_at, text, scan.track and json.dumps(scan.track)
+    track = None if scan.track is None else json.dumps(scan.track)
+    return scan.device, scan.scan_id, scan.observed_at, text, track
 
 
 def _config(fields: dict[str, Any]) -> SiteConfig:
-    listed = {
-        name: tuple(value) for name, value in fields.items() if isinstance(value, list)
-    }
+    listed = {name: tuple(value) for name, value in fields.items() if isinstance(value, list)}
     return SiteConfig(**{**fields, **listed})

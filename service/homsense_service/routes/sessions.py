@@ -35,8 +35,7 @@ def post_steps(
 
     Repeating a request answers as before and changes nothing.
     """
-    answer: schemas.PoseOut = operations.take_steps(session, batch.steps, rendering.render_pose)
-    return answer
+    return operations.take_steps(session, batch.steps, rendering.render_pose)
 
 
 @router.get("/sessions/{session}/pose", summary="The pose", responses=problems(404, 422))

@@ -1,0 +1,174 @@
+"""Laws of the landmark complex and its homology."""
+
+import random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from support.oracles import all_faces, gudhi_betti, hop_ball, maximal_sets
+from support.strategies import HOPS, OBSERVATION, OBSERVATIONS, SMALL_OBSERVATIONS
+
+from homsense import (
+    LandmarkComplex,
+    VisibilityRelation,
+    chains,
+    landmark_complex,
+    observation_complex,
+    sense_local_homology,
+)
+
+Observations = list[frozenset[str]]
+
+
+@given(SMALL_OBSERVATIONS, st.integers(1, 3))
+def test_boundary_of_a_boundary_is_zero(observations: Observations, degree: int) -> None:
+    twice = chains.boundary_matrix(observations, degree) @ chains.boundary_matrix(
+        observations, degree + 1
+    )
+    assert abs(twice).sum() == 0
+
+
+@given(SMALL_OBSERVATIONS)
+def test_euler_characteristic_is_the_alternating_sum_of_betti_numbers(
+    observations: Observations,
+) -> None:
+    k = LandmarkComplex.from_observations(observations)
+    betti = k.betti_numbers(max_degree=4)
+    assert k.euler_characteristic() == sum((-1) ** n * b for n, b in enumerate(betti))
+
+
+@given(SMALL_OBSERVATIONS)
+def test_euler_characteristic_is_the_alternating_sum_of_face_numbers(
+    observations: Observations,
+) -> None:
+    k = LandmarkComplex.from_observations(observations)
+    assert k.euler_characteristic() == sum(
+        (-1) ** (len(face) - 1) for face in all_faces(observations)
+    )
+
+
+@given(OBSERVATIONS)
+def test_landmark_and_observation_complex_have_equal_betti_numbers(
+    observations: Observations,
+) -> None:
+    """Dowker's theorem."""
+    relation = VisibilityRelation.from_observations(observations)
+    ours, dual = landmark_complex(relation), observation_complex(relation)
+    assert ours.betti_numbers() == dual.betti_numbers()
+    assert ours.euler_characteristic() == dual.euler_characteristic()
+
+
+@given(OBSERVATIONS)
+def test_betti_numbers_are_those_of_gudhi(observations: Observations) -> None:
+    k = LandmarkComplex.from_observations(observations)
+    assert k.betti_numbers() == gudhi_betti(observations)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_betti_numbers_are_those_of_gudhi_with_many_holes(seed: int) -> None:
+    rng = random.Random(seed)
+    for _ in range(60):
+        names = [f"v{n}" for n in range(rng.randint(20, 90))]
+        observations = [
+            frozenset(rng.sample(names, rng.randint(0, 4))) for _ in range(rng.randint(0, 220))
+        ]
+        k = LandmarkComplex.from_observations(observations)
+        assert k.betti_numbers() == gudhi_betti(observations)
+
+
+@given(SMALL_OBSERVATIONS)
+def test_real_and_gf2_betti_numbers_of_a_graph_agree(observations: Observations) -> None:
+    """Graphs have no torsion, so the kernel of the Laplacian counts the same holes."""
+    edges = [face for face in all_faces(observations) if len(face) <= 2]
+    k = LandmarkComplex.from_observations(edges)
+    assert chains.laplacian_kernel_dimension(k.facets, 0) == k.betti_numbers()[0]
+    assert chains.laplacian_kernel_dimension(k.facets, 1) == k.betti_numbers()[1]
+
+
+@given(OBSERVATIONS, st.randoms(use_true_random=False))
+def test_order_and_duplication_of_scans_change_nothing(
+    observations: Observations, rng: random.Random
+) -> None:
+    shuffled = [*observations, *rng.choices(observations or [frozenset()], k=5)]
+    rng.shuffle(shuffled)
+    one = LandmarkComplex.from_observations(observations)
+    other = LandmarkComplex.from_observations(shuffled)
+    assert one == other
+    assert one.digest() == other.digest()
+    assert hash(one) == hash(other)
+
+
+@given(OBSERVATIONS, OBSERVATION)
+def test_a_scan_inside_a_facet_changes_nothing(
+    observations: Observations, kept: frozenset[str]
+) -> None:
+    k = LandmarkComplex.from_observations(observations)
+    for facet in k.facets:
+        assert k.with_observation(facet & kept) is k
+
+
+@given(OBSERVATIONS)
+def test_facets_are_the_maximal_observations(observations: Observations) -> None:
+    assert LandmarkComplex.from_observations(observations).facets == maximal_sets(observations)
+
+
+@given(OBSERVATIONS, OBSERVATIONS)
+def test_union_is_the_complex_of_all_observations(one: Observations, other: Observations) -> None:
+    union = LandmarkComplex.from_observations(one) | LandmarkComplex.from_observations(other)
+    assert union == LandmarkComplex.from_observations([*one, *other])
+
+
+@given(OBSERVATIONS, OBSERVATION)
+def test_an_older_version_stays_valid(observations: Observations, more: frozenset[str]) -> None:
+    k = LandmarkComplex.from_observations(observations)
+    before = k.digest(), k.betti_numbers()
+    k.with_observation(more)
+    assert (k.digest(), k.betti_numbers()) == before
+
+
+@given(OBSERVATIONS, OBSERVATION)
+def test_the_induced_subcomplex_holds_the_faces_inside_the_set(
+    observations: Observations, kept: frozenset[str]
+) -> None:
+    induced = LandmarkComplex.from_observations(observations).induced(kept)
+    assert all_faces(induced.facets) == {face for face in all_faces(observations) if face <= kept}
+
+
+@given(OBSERVATIONS, OBSERVATION, HOPS)
+def test_hop_balls_follow_shortest_paths(
+    observations: Observations, visible: frozenset[str], hops: list[int]
+) -> None:
+    k = LandmarkComplex.from_observations(observations)
+    for radius, ball in zip(sorted(hops), k.hop_balls(visible, sorted(hops)), strict=True):
+        assert ball == hop_ball(observations, set(visible), radius)
+
+
+@given(OBSERVATIONS, OBSERVATION, HOPS)
+def test_local_homology_is_that_of_the_induced_subcomplex(
+    observations: Observations, visible: frozenset[str], hops: list[int]
+) -> None:
+    k = LandmarkComplex.from_observations(observations)
+    for level in sense_local_homology(k, visible, hops):
+        assert level.betti == gudhi_betti(k.induced(level.landmarks).facets)
+        assert level.n_facets == len(maximal_sets(f & level.landmarks for f in k.facets))
+
+
+@given(OBSERVATIONS)
+def test_relabelling_changes_no_count(observations: Observations) -> None:
+    renamed = [frozenset(f"x{landmark[::-1]}" for landmark in seen) for seen in observations]
+    one = LandmarkComplex.from_observations(observations)
+    other = LandmarkComplex.from_observations(renamed)
+    assert one.betti_numbers() == other.betti_numbers()
+    assert one.euler_characteristic() == other.euler_characteristic()
+    assert one.n_edges() == other.n_edges()
+
+
+@given(OBSERVATIONS)
+def test_the_skeleton_holds_vertices_and_edges(observations: Observations) -> None:
+    k = LandmarkComplex.from_observations(observations)
+    graph = k.skeleton()
+    assert set(graph) == k.landmarks
+    assert {frozenset(edge) for edge in graph.edges} == {
+        face for face in all_faces(observations) if len(face) == 2
+    }
+    assert graph.number_of_edges() == k.n_edges()

@@ -1,0 +1,52 @@
+"""Slow and independent answers."""
+
+from collections.abc import Iterable
+from itertools import combinations
+
+import gudhi
+import networkx as nx
+
+
+def all_faces(simplices: Iterable[frozenset[str]]) -> set[frozenset[str]]:
+    """List every face."""
+    return {
+        frozenset(face)
+        for simplex in simplices
+        for size in range(1, len(simplex) + 1)
+        for face in combinations(sorted(simplex), size)
+    }
+
+
+def gudhi_betti(simplices: Iterable[frozenset[str]]) -> tuple[int, int]:
+    """Return (b0, b1) over GF(2) as GUDHI has them."""
+    faces = all_faces(simplices)
+    number = {vertex: n for n, vertex in enumerate(sorted({v for face in faces for v in face}))}
+    tree = gudhi.SimplexTree()
+    for face in faces:
+        if len(face) <= 3:
+            tree.insert([number[vertex] for vertex in face])
+    if not faces:
+        return 0, 0
+    tree.compute_persistence(
+        homology_coeff_field=2, min_persistence=-1.0, persistence_dim_max=True
+    )
+    betti = [*tree.betti_numbers(), 0, 0]
+    return betti[0], betti[1]
+
+
+def maximal_sets(simplices: Iterable[frozenset[str]]) -> frozenset[frozenset[str]]:
+    """Return the sets that no other one contains."""
+    distinct = {simplex for simplex in simplices if simplex}
+    return frozenset(s for s in distinct if not any(s < other for other in distinct))
+
+
+def hop_ball(simplices: Iterable[frozenset[str]], start: set[str], radius: int) -> set[str]:
+    """Return the ball in the 1-skeleton by shortest paths."""
+    graph: nx.Graph[str] = nx.Graph()
+    for simplex in simplices:
+        graph.add_nodes_from(simplex)
+        graph.add_edges_from(combinations(sorted(simplex), 2))
+    ball: set[str] = set()
+    for vertex in start & set(graph):
+        ball |= set(nx.single_source_shortest_path_length(graph, vertex, cutoff=radius))
+    return ball
