@@ -94,11 +94,11 @@ def _area(node: Mapping[str, Any], kind: str, where: str) -> Polygon | MultiPoly
         geometry = MultiPolygon(
             [_polygon(part, _at(path, index)) for index, part in enumerate(rings)]
         )
-    if geometry.is_empty or geometry.area <= 0.0:
-        raise _malformed("a polygon with an area", path)
     if not geometry.is_valid:
         message = f"{path} is not a valid polygon: {explain_validity(geometry)}"
         raise InvalidMapError(message, path)
+    if geometry.area <= 0.0:
+        raise _malformed("a polygon with an area", path)
     return geometry
 
 

@@ -15,7 +15,6 @@ from homsense_service.problems import (
     INTERNAL,
     INVALID_REQUEST,
     MALFORMED_JSON,
-    TOO_LARGE,
     Kind,
     kind_of,
     problem,
@@ -58,9 +57,9 @@ async def _invalid_request(_request: Request, error: Exception) -> JSONResponse:
 async def _http_error(_request: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, HTTPException)
     detail = str(error.detail)
-    kind = (
-        TOO_LARGE if error.status_code == TOO_LARGE.status else _plain(error.status_code, detail)
-    )
+    if error.status_code == MALFORMED_JSON.status:
+        return _answer(MALFORMED_JSON, detail)
+    kind = Kind(error.status_code, detail.lower().replace(" ", "_"), detail)
     return _answer(kind, detail, headers=dict(error.headers or {}))
 
 
@@ -73,10 +72,6 @@ async def _known_error(_request: Request, error: Exception) -> JSONResponse:
 async def _internal(request: Request, error: Exception) -> JSONResponse:
     _log.error("%s %s failed", request.method, request.url.path, exc_info=error)
     return _answer(INTERNAL, "the failure was logged")
-
-
-def _plain(status: int, detail: str) -> Kind:
-    return Kind(status, detail.lower().replace(" ", "_"), detail)
 
 
 def _path(location: Sequence[str | int]) -> str:

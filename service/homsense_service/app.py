@@ -7,7 +7,7 @@ from importlib.metadata import version
 from fastapi import FastAPI
 
 from homsense_service import answers
-from homsense_service.gzip_requests import GzipRequests
+from homsense_service.bodies import BoundedBodies
 from homsense_service.operations import Operations
 from homsense_service.routes import health, scans, sessions, sites
 from homsense_service.sessions import SessionTable
@@ -48,10 +48,9 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         summary="Localization without survey, GPS or labels, by homological sensing.",
         license_info={"name": "Apache-2.0", "identifier": "Apache-2.0"},
         lifespan=lifespan,
-        max_body_size=chosen.max_body_bytes,
     )
     answers.install(app)
-    app.add_middleware(GzipRequests, max_bytes=chosen.max_body_bytes)
+    app.add_middleware(BoundedBodies, max_bytes=chosen.max_body_bytes)
     for module in (health, sites, scans, sessions):
         app.include_router(module.router)
     return app

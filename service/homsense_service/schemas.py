@@ -1,10 +1,10 @@
 """The wire: what requests and answers look like, and how they become values."""
 
-import math
 from datetime import UTC, datetime
 from typing import Annotated, Any, Literal
 
 from pydantic import (
+    AfterValidator,
     BaseModel,
     ConfigDict,
     Field,
@@ -23,12 +23,29 @@ MAX_HOPS = 16
 MAX_LANDMARKS = 200_000
 
 
+def unix_seconds(moment: float | str) -> float:
+    """Return a time in Unix seconds; text is RFC 3339, UTC unless it says otherwise."""
+    if not isinstance(moment, str):
+        return moment
+    parsed = datetime.fromisoformat(moment)
+    aware = parsed if parsed.tzinfo else parsed.replace(tzinfo=UTC)
+    return aware.timestamp()
+
+
+def _sound_moment(moment: float | str) -> float | str:
+    unix_seconds(moment)
+    return moment
+
+
 class Wire(BaseModel):
     """Strict: nothing is coerced, nothing unknown is accepted, no number is NaN or infinite."""
 
     model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False)
 
 
+Moment = Annotated[
+    float | str, AfterValidator(_sound_moment), Field(description="Unix seconds or RFC 3339.")
+]
 Identifier = Annotated[str, StringConstraints(min_length=1, max_length=200)]
 SiteName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")]
 Hops = Annotated[int, Field(ge=0, le=MAX_HOPS)]
@@ -169,7 +186,7 @@ class ScanIn(Wire):
 
     device: Identifier
     scan_id: Identifier
-    observed_at: float | str = Field(description="Unix seconds or RFC 3339.")
+    observed_at: Moment
     landmarks: Landmarks
     track: Track | None = None
 
@@ -184,7 +201,7 @@ class ScanIn(Wire):
         return StoredScan(
             self.device,
             self.scan_id,
-            _unix_seconds(self.observed_at),
+            unix_seconds(self.observed_at),
             readings(self.landmarks),
             None if self.track is None else self.track.model_dump(),
         )
@@ -411,13 +428,13 @@ class StepIn(Wire):
     """One input of a session."""
 
     seq: int = Field(ge=1, lt=2**53)
-    t: float | str | None = Field(default=None, description="Unix seconds or RFC 3339.")
+    t: Moment | None = None
     delta: DeltaIn = DeltaIn()
     landmarks: Landmarks | None = None
 
     def seconds(self) -> float | None:
         """Return the time in Unix seconds."""
-        return None if self.t is None else _unix_seconds(self.t)
+        return None if self.t is None else unix_seconds(self.t)
 
 
 class StepsIn(Wire):
@@ -557,17 +574,6 @@ def _prior(wire: UniformIn | GaussianIn | PolygonIn) -> homsense.Prior:
             raise homsense.InvalidConfigurationError(message, "prior.ring")
         return homsense.PolygonPrior(polygon, heading)
     return homsense.UniformPrior(heading)
-
-
-def _unix_seconds(moment: float | str) -> float:
-    if isinstance(moment, str):
-        parsed = datetime.fromisoformat(moment)
-        aware = parsed if parsed.tzinfo else parsed.replace(tzinfo=UTC)
-        return aware.timestamp()
-    if not math.isfinite(moment):
-        message = "the time is not finite"
-        raise ValueError(message)
-    return moment
 
 
 def _first_reason(error: ValidationError) -> str:

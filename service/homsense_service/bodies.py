@@ -1,4 +1,4 @@
-"""Request bodies that come gzipped, with a cap on what they may unfold to. Pure ASGI."""
+"""Request bodies: bounded, and unfolded when they come gzipped. Pure ASGI."""
 
 import json
 import zlib
@@ -10,15 +10,15 @@ from homsense_service.problems import MALFORMED_GZIP, TOO_LARGE, Kind, problem
 _GZIP = 16 + zlib.MAX_WBITS
 
 
-class GzipRequests:
-    """Middleware that unfolds bodies with ``Content-Encoding: gzip``.
+class BoundedBodies:
+    """Middleware that reads each body whole, refuses large ones and unfolds gzip.
 
     Parameters
     ----------
     app : ASGI application
         What handles the request.
     max_bytes : int
-        Largest body, before and after.
+        Largest body, before and after unfolding.
     """
 
     def __init__(self, app: ASGIApp, max_bytes: int) -> None:
@@ -27,33 +27,20 @@ class GzipRequests:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Handle one request."""
-        headers = dict(scope.get("headers", ()))
-        if scope["type"] != "http" or headers.get(b"content-encoding", b"").lower() != b"gzip":
+        if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
-        folded = await _read(receive, self._max_bytes)
-        if folded is None:
+        body = await _read(receive, self._max_bytes)
+        if body is None:
             await _refuse(send, TOO_LARGE, f"the limit is {self._max_bytes} bytes")
             return
-        unfolding = zlib.decompressobj(_GZIP)
-        try:
-            body = unfolding.decompress(folded, self._max_bytes)
-        except zlib.error:
-            await _refuse(send, MALFORMED_GZIP, "the body does not unfold")
-            return
-        if unfolding.unconsumed_tail:
-            await _refuse(send, TOO_LARGE, f"the limit is {self._max_bytes} bytes unfolded")
-            return
-        if not unfolding.eof or unfolding.unused_data:
-            await _refuse(send, MALFORMED_GZIP, "the body is cut short or goes on behind its end")
-            return
-        kept = [
-            (name, value)
-            for name, value in scope["headers"]
-            if name not in (b"content-encoding", b"content-length")
-        ]
-        kept.append((b"content-length", str(len(body)).encode()))
-        await self._app({**scope, "headers": kept}, _once(body, receive), send)
+        if dict(scope["headers"]).get(b"content-encoding", b"").lower() == b"gzip":
+            unfolded = _unfold(body, self._max_bytes)
+            if isinstance(unfolded, Kind):
+                await _refuse(send, unfolded, f"the limit is {self._max_bytes} bytes unfolded")
+                return
+            body, scope = unfolded, _without_encoding(scope, len(unfolded))
+        await self._app(scope, _once(body, receive), send)
 
 
 async def _read(receive: Receive, limit: int) -> bytes | None:
@@ -65,6 +52,24 @@ async def _read(receive: Receive, limit: int) -> bytes | None:
             return None
         if not message.get("more_body", False):
             return bytes(body)
+
+
+def _unfold(body: bytes, limit: int) -> bytes | Kind:
+    unfolding = zlib.decompressobj(_GZIP)
+    try:
+        unfolded = unfolding.decompress(body, limit)
+    except zlib.error:
+        return MALFORMED_GZIP
+    if unfolding.unconsumed_tail:
+        return TOO_LARGE
+    complete = unfolding.eof and not unfolding.unused_data
+    return unfolded if complete else MALFORMED_GZIP
+
+
+def _without_encoding(scope: Scope, length: int) -> Scope:
+    replaced = (b"content-encoding", b"content-length")
+    kept = [(name, value) for name, value in scope["headers"] if name not in replaced]
+    return {**scope, "headers": [*kept, (b"content-length", str(length).encode())]}
 
 
 def _once(body: bytes, receive: Receive) -> Receive:

@@ -1,0 +1,105 @@
+"""The command line end to end, on small inputs."""
+
+import gzip
+import json
+from pathlib import Path
+
+import pytest
+from homsense_cli import demo as demo_module
+from homsense_cli.__main__ import app
+from homsense_cli.local_service import local_service
+from homsense_cli.recorded import crowd_scans, floor_names, read_floor, walk_events
+from homsense_cli.replay import Replay, run_replay
+from homsense_client import Client
+from rich.console import Console
+from support.builders import SITE_MAP
+from typer.testing import CliRunner
+
+runner = CliRunner()
+REPORT = {
+    "scenario", "seed", "buildings", "landmarks", "scans", "facets", "b0", "b1", "error_m",
+    "final_median_error_m", "baseline_no_homology_m", "seconds",
+}  # fmt: skip
+
+
+def test_the_demo_localizes_and_writes_what_it_promises(tmp_path: Path) -> None:
+    result = runner.invoke(app, ["demo", "--seed", "4", "--out", str(tmp_path)])
+    assert result.exit_code == 0, result.output
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert set(report) == REPORT
+    assert (report["buildings"], report["b0"]) == (44, 1)
+    assert abs(report["b1"] - 44) <= 4
+    assert report["scans"] >= 5000
+    assert len(report["error_m"]) == 15
+    assert report["final_median_error_m"] < 25.0 < report["baseline_no_homology_m"]
+    pictures = sorted(path.name for path in tmp_path.glob("*.png"))
+    assert [name[:7] for name in pictures] == ["figure2", "figure3", "figure4"]
+    again = runner.invoke(app, ["figures", str(tmp_path / "run.json.gz"), "--out", str(tmp_path)])
+    assert again.exit_code == 0
+    assert again.output.count(".png") == 3
+
+
+def test_the_demo_has_the_length_of_its_promise() -> None:
+    assert demo_module.LENGTH_M == 1500.0
+
+
+def test_a_fleet_maps_a_running_service(tmp_path: Path) -> None:
+    path = tmp_path / "map.geojson.gz"
+    path.write_bytes(gzip.compress(json.dumps(SITE_MAP).encode()))
+    with local_service() as url, Client(url) as client:
+        arguments = ["fleet", "--url", url, "--site", "yard", "--map", str(path)]
+        arguments += ["--transmitters", "20", "--phones", "3", "--scans", "20", "--s-max-m", "30"]
+        result = runner.invoke(app, arguments)
+        assert result.exit_code == 0, result.output
+        assert "3 buildings" in result.output
+        assert client.get_site("yard").observations > 40
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["nonsense"],
+        ["demo", "--seed", "minus"],
+        ["figures", "missing.json"],
+        ["replay", "nowhere"],
+    ],
+)
+def test_misuse_exits_with_two(arguments: list[str]) -> None:
+    assert runner.invoke(app, arguments).exit_code == 2
+
+
+def test_help_names_every_command() -> None:
+    result = runner.invoke(app, ["--help"])
+    assert result.exit_code == 0
+    for command in ("serve", "demo", "fleet", "replay", "figures"):
+        assert command in result.output
+
+
+@pytest.mark.recorded
+def test_a_recorded_floor_is_read_and_replayed(recordings: Path) -> None:
+    directory = recordings / "ilc20"
+    assert floor_names(directory) == ["site1_F2", "site1_F3", "site1_F4"]
+    floor = read_floor(directory, "site1_F4")
+    chain = floor.chains[0]
+    others = list(crowd_scans(floor, chain))
+    assert not {scan["device"] for scan in others} & set(chain)
+    assert not any(
+        set(scan) - {"device", "scan_id", "observed_at", "landmarks"} for scan in others
+    )
+    events = walk_events(floor, chain)
+    assert [event.t_s for event in events] == sorted(event.t_s for event in events)
+    (score,) = run_replay(directory, Replay(("site1_F4",), limit=1), Console(quiet=True))
+    assert score.complex.facets > 100
+    assert 0.0 < score.error_m < 250.0
+    assert 0.0 < score.baseline_m < 250.0
+
+
+@pytest.mark.recorded
+def test_the_fleet_runs_on_real_buildings(recordings: Path) -> None:
+    path = recordings / "helsinki_centre" / "local.json.gz"
+    with local_service() as url:
+        arguments = ["fleet", "--url", url, "--site", "helsinki", "--map", str(path)]
+        arguments += ["--window-m", "600", "--phones", "10", "--scans", "60"]
+        result = runner.invoke(app, arguments)
+    assert result.exit_code == 0, result.output
+    assert "helsinki: " in result.output
