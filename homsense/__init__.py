@@ -21,12 +21,13 @@ from homsense.height import HeightMap
 from homsense.likelihood import CountNoise
 from homsense.localizer import Localizer, LocalizerConfig, LocalizerState
 from homsense.motion import ImuMotion, MotionModel, OdometryMotion
+from homsense.nerve import landmark_complex, observation_complex
 from homsense.pose import Delta
 from homsense.prior import GaussianPrior, HeadingPrior, PolygonPrior, Prior, UniformPrior
 from homsense.relation import VisibilityRelation
 from homsense.scan import Reading, visible_landmarks
 from homsense.sensing import LocalHomology, sense_local_homology
-from homsense.simplicial import LandmarkComplex, landmark_complex, observation_complex
+from homsense.simplicial import LandmarkComplex
 from homsense.site_map import SiteMap
 
 __all__ = [

@@ -1,4 +1,4 @@
-"""The nerve of a visibility relation, kept as its facets; a value that only ever grows.
+"""The landmark complex, kept as its facets; a value that only ever grows.
 
 A *facet* is a maximal simplex. Two tables hold the whole complex: facet -> landmarks, and
 landmark -> facets (posting lists), which is the Dowker dual. No face is ever listed.
@@ -14,7 +14,6 @@ import networkx as nx
 
 from homsense import chains, euler, homology
 from homsense.errors import InvalidComplexError
-from homsense.relation import VisibilityRelation
 from homsense.scan import observation
 
 Simplex = frozenset[str]
@@ -355,45 +354,6 @@ class LandmarkComplex:
                 row |= 1 << position.setdefault(number, len(position))
             rows.append(row)
         return rows
-
-
-def landmark_complex(relation: VisibilityRelation) -> LandmarkComplex:
-    """Return the nerve whose vertices are the landmarks.
-
-    Parameters
-    ----------
-    relation : VisibilityRelation
-        Observations x landmarks.
-
-    Returns
-    -------
-    LandmarkComplex
-        One simplex for each observation.
-    """
-    return LandmarkComplex.from_observations(relation.rows)
-
-
-def observation_complex(relation: VisibilityRelation) -> LandmarkComplex:
-    """Return the Dowker dual, whose vertices are the observations.
-
-    Parameters
-    ----------
-    relation : VisibilityRelation
-        Observations x landmarks.
-
-    Returns
-    -------
-    LandmarkComplex
-        One simplex for each landmark, on the row numbers of the observations that see it; its
-        homology is that of the landmark complex.
-
-    Examples
-    --------
-    >>> relation = VisibilityRelation.from_observations([{"a", "b"}, {"b", "c"}, {"a", "c"}])
-    >>> observation_complex(relation).betti_numbers()
-    (1, 1)
-    """
-    return LandmarkComplex.from_observations(relation.transposed().rows)
 
 
 def _is_face(

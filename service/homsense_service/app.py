@@ -10,6 +10,7 @@ from homsense_service import answers
 from homsense_service.bodies import BoundedBodies
 from homsense_service.operations import Operations
 from homsense_service.routes import health, scans, sessions, sites
+from homsense_service.schemas import Problem
 from homsense_service.sessions import SessionTable
 from homsense_service.settings import Settings
 from homsense_service.sites import SiteRegistry
@@ -53,4 +54,12 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.add_middleware(BoundedBodies, max_bytes=chosen.max_body_bytes)
     for module in (health, sites, scans, sessions):
         app.include_router(module.router)
+    _describe_problems(app)
     return app
+
+
+def _describe_problems(app: FastAPI) -> None:
+    """Add the schema of problems, which no route returns, to the OpenAPI document."""
+    schema = Problem.model_json_schema(ref_template="#/components/schemas/{model}")
+    parts = schema.pop("$defs")
+    app.openapi()["components"]["schemas"].update({"Problem": schema, **parts})

@@ -171,7 +171,7 @@ def test_an_answer_outside_the_contract_is_named() -> None:
                 client.get_site("a")
 
 
-def test_examples_run(url: str, tmp_path: Path) -> None:
+def test_examples_run(url: str) -> None:
     for path in sorted((Path(__file__).parents[2] / "clients" / "examples").glob("*.py")):
         code = compile(path.read_text(), str(path), "exec")
         exec(code, {"__name__": "example", "URL": url})

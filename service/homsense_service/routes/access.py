@@ -5,7 +5,6 @@ from typing import Annotated, Any
 from fastapi import Depends, Path, Request
 
 from homsense_service.operations import Operations
-from homsense_service.schemas import Problem
 
 SiteParam = Annotated[
     str, Path(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$", description="Name of the site.")
@@ -23,7 +22,7 @@ OperationsDep = Annotated[Operations, Depends(_operations)]
 
 def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
     """Return the OpenAPI description of error answers."""
-    content = {"application/problem+json": {"schema": Problem.model_json_schema()}}
+    content = {"application/problem+json": {"schema": {"$ref": "#/components/schemas/Problem"}}}
     described = {400: "Malformed", 404: "Not found", 409: "Conflict", 413: "Too large"}
     described |= {422: "Invalid", 503: "Full"}
     return {status: {"description": described[status], "content": content} for status in statuses}

@@ -1,0 +1,137 @@
+"""Scans, the complex and its local homology on the wire."""
+
+from typing import Annotated, Any
+
+from pydantic import Field, ModelWrapValidatorHandler, ValidationError, WrapValidator
+
+from homsense_service.records import StoredScan
+from homsense_service.schemas.wire import (
+    HopList,
+    Identifier,
+    Landmarks,
+    Moment,
+    Wire,
+    readings,
+    unix_seconds,
+)
+
+
+class Track(Wire):
+    """The device's own dead-reckoned pose in its own frame."""
+
+    id: Identifier
+    x_m: float
+    y_m: float
+    heading_rad: float | None = None
+
+
+class ScanIn(Wire):
+    """One scan."""
+
+    device: Identifier
+    scan_id: Identifier
+    observed_at: Moment
+    landmarks: Landmarks
+    track: Track | None = None
+
+    def to_stored(self, max_landmarks: int) -> StoredScan:
+        """Return the value for the store; raise ValueError when it makes no sense."""
+        if not self.landmarks:
+            message = "landmarks: no landmark was heard"
+            raise ValueError(message)
+        if len(self.landmarks) > max_landmarks:
+            message = f"landmarks: {len(self.landmarks)} are more than the limit {max_landmarks}"
+            raise ValueError(message)
+        return StoredScan(
+            self.device,
+            self.scan_id,
+            unix_seconds(self.observed_at),
+            readings(self.landmarks),
+            None if self.track is None else self.track.model_dump(),
+        )
+
+
+class DroppedScan(Wire):
+    """A scan that is not one."""
+
+    reason: str
+
+
+def _keep_or_drop(
+    value: Any,  # noqa: ANN401 - anything may be posted
+    handler: ModelWrapValidatorHandler[ScanIn],
+) -> ScanIn | DroppedScan:
+    try:
+        return handler(value)
+    except ValidationError as error:
+        return DroppedScan(reason=_first_reason(error))
+
+
+def _first_reason(error: ValidationError) -> str:
+    first = error.errors(include_url=False, include_input=False, include_context=False)[0]
+    path = ".".join(str(part) for part in first["loc"])
+    return f"{path}: {first['msg']}" if path else str(first["msg"])
+
+
+class ScansIn(Wire):
+    """A batch of scans; one bad scan does not spoil it."""
+
+    scans: list[Annotated[ScanIn, WrapValidator(_keep_or_drop)]] = Field(
+        min_length=1, max_length=1000
+    )
+
+
+class Dropped(Wire):
+    """A scan that was not taken, and why."""
+
+    index: int
+    reason: str
+
+
+class ScansOut(Wire):
+    """What became of a batch; written when it is durable."""
+
+    accepted: int
+    duplicate: int
+    dropped: list[Dropped]
+    complex_version: int
+
+
+class ComplexOut(Wire):
+    """The landmark complex of a site."""
+
+    version: int
+    digest: str
+    observations: int
+    devices: int
+    landmarks: int
+    facets: int
+    edges: int
+    betti: list[int]
+    euler: int | None = Field(description="null when the complex is too dense to tell.")
+
+
+class LocalHomologyIn(Wire):
+    """A question to the homological sensor."""
+
+    landmarks: Landmarks
+    hops: HopList | None = Field(default=None, description="The site's when absent.")
+
+
+class Level(Wire):
+    """Homology of one neighborhood."""
+
+    hops: int
+    vertices: int
+    facets: int
+    betti: list[int]
+    euler: int | None
+    holes: int
+
+
+class LocalHomologyOut(Wire):
+    """The answer of the homological sensor."""
+
+    complex_version: int
+    known: int = Field(description="How many of the landmarks the complex knows.")
+    levels: list[Level]

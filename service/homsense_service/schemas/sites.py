@@ -1,0 +1,123 @@
+"""Sites, maps and height maps on the wire."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, StringConstraints, model_validator
+
+from homsense_service.records import SiteConfig
+from homsense_service.schemas.wire import HopList, Origin, Wire
+
+
+class SiteIn(Wire):
+    """Configuration of a site."""
+
+    name: Annotated[str, StringConstraints(max_length=200)] = ""
+    s_max_m: float = Field(default=80.0, gt=0, le=100_000, description="Sensing range, metres.")
+    hops: HopList = Field(
+        default=[2, 3], description="Neighborhoods whose holes are counted; near and far."
+    )
+    landmark_key: Literal["bssid", "ssid"] = Field(
+        default="bssid",
+        description="bssid: compared in lower case with colons; ssid: compared as they are.",
+    )
+    min_rssi_dbm: float | None = Field(
+        default=None, ge=-200, le=100, description="Weakest strength that counts as visible."
+    )
+    max_age_s: float | None = Field(
+        default=None, ge=0, description="Oldest sighting that counts, seconds."
+    )
+    quorum: Literal[1] = Field(
+        default=1, description="Distinct devices that must witness a simplex."
+    )
+    expected: Literal["geometric"] = Field(
+        default="geometric", description="How counts are expected: structures within r_geo."
+    )
+    distance: Literal["euclidean", "geodesic"] = Field(
+        default="euclidean", description="Distance to a structure: straight, or as one walks."
+    )
+    r_geo_m: list[Annotated[float, Field(gt=0, le=1e6)]] | None = Field(
+        default=None,
+        description="Geodetic radius of each neighborhood; calibrated from the scans when absent.",
+    )
+    origin: Origin | None = Field(default=None, description="Georeference of a local map.")
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "SiteIn":
+        if sorted(set(self.hops)) != self.hops:
+            message = "hops must rise"
+            raise ValueError(message)
+        if self.r_geo_m is not None and len(self.r_geo_m) != len(self.hops):
+            message = "r_geo_m must hold one radius for each of hops"
+            raise ValueError(message)
+        return self
+
+    def to_config(self) -> SiteConfig:
+        """Return the value for the store."""
+        return SiteConfig(
+            name=self.name,
+            s_max_m=self.s_max_m,
+            hops=tuple(self.hops),
+            landmark_key=self.landmark_key,
+            min_rssi_dbm=self.min_rssi_dbm,
+            max_age_s=self.max_age_s,
+            r_geo_m=None if self.r_geo_m is None else tuple(self.r_geo_m),
+            distance=self.distance,
+            origin=None if self.origin is None else (self.origin.lat, self.origin.lon),
+        )
+
+    @classmethod
+    def from_config(cls, config: SiteConfig) -> "SiteIn":
+        """Return the wire form of a stored value."""
+        return cls(
+            name=config.name,
+            s_max_m=config.s_max_m,
+            hops=list(config.hops),
+            landmark_key=config.landmark_key,
+            min_rssi_dbm=config.min_rssi_dbm,
+            max_age_s=config.max_age_s,
+            r_geo_m=None if config.r_geo_m is None else list(config.r_geo_m),
+            distance=config.distance,
+            origin=None
+            if config.origin is None
+            else Origin(lat=config.origin[0], lon=config.origin[1]),
+        )
+
+
+class SiteOut(Wire):
+    """A site and what it holds."""
+
+    site: str
+    config: SiteIn
+    map_version: str | None
+    observations: int
+    landmarks: int
+
+
+class SiteList(Wire):
+    """All sites."""
+
+    sites: list[SiteOut]
+
+
+class MapOut(Wire):
+    """What became of a map."""
+
+    version: str = Field(description="Content hash.")
+    structures: int = Field(description="After touching ones were merged.")
+    courtyards: int = Field(description="Enclosed open places; no device gets there.")
+    bounds_m: list[float] = Field(description="West, south, east, north.")
+    free_area_m2: float
+    origin: Origin | None
+
+
+class HeightMapOut(Wire):
+    """Expected holes over the map, row by row from the south-west corner."""
+
+    hops: int
+    r_geo_m: float
+    cell_m: float
+    west_m: float
+    south_m: float
+    columns: int
+    rows: int
+    values: list[list[float]]

@@ -1,0 +1,71 @@
+"""What all of the wire shares: strictness, identifiers, times, readings."""
+
+from datetime import UTC, datetime
+from typing import Annotated
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints
+
+from homsense_service.records import StoredReading
+
+MAX_HOPS = 16
+
+MAX_LANDMARKS = 200_000
+
+
+def unix_seconds(moment: float | str) -> float:
+    """Return a time in Unix seconds; text is RFC 3339, UTC unless it says otherwise."""
+    if not isinstance(moment, str):
+        return moment
+    parsed = datetime.fromisoformat(moment)
+    aware = parsed if parsed.tzinfo else parsed.replace(tzinfo=UTC)
+    return aware.timestamp()
+
+
+def _sound_moment(moment: float | str) -> float | str:
+    unix_seconds(moment)
+    return moment
+
+
+class Wire(BaseModel):
+    """Strict: nothing is coerced, nothing unknown is accepted, no number is NaN or infinite."""
+
+    model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False)
+
+
+Moment = Annotated[
+    float | str, AfterValidator(_sound_moment), Field(description="Unix seconds or RFC 3339.")
+]
+
+Identifier = Annotated[str, StringConstraints(min_length=1, max_length=200)]
+
+Hops = Annotated[int, Field(ge=0, le=MAX_HOPS)]
+
+HopList = Annotated[list[Hops], Field(min_length=1, max_length=8)]
+
+
+class Origin(Wire):
+    """Where the local frame lies on Earth, WGS84 degrees."""
+
+    lat: float = Field(ge=-90, le=90)
+    lon: float = Field(ge=-180, le=180)
+
+
+class ReadingIn(Wire):
+    """One landmark heard in a scan."""
+
+    id: Identifier
+    rssi: float | None = Field(default=None, ge=-200, le=100, description="dBm.")
+    age_s: float = Field(default=0.0, ge=0, description="Age of the sighting, seconds.")
+
+
+Landmarks = Annotated[list[Identifier | ReadingIn], Field(max_length=MAX_LANDMARKS)]
+
+
+def readings(landmarks: list[str | ReadingIn]) -> tuple[StoredReading, ...]:
+    """Return what was heard, whichever way it was written."""
+    return tuple(
+        StoredReading(entry)
+        if isinstance(entry, str)
+        else StoredReading(entry.id, entry.rssi, entry.age_s)
+        for entry in landmarks
+    )
