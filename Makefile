@@ -3,7 +3,7 @@ BIN := .venv/bin
 READY := .venv/.ready
 
 .DEFAULT_GOAL := help
-.PHONY: help demo serve test check unit format openapi lock clean
+.PHONY: help demo serve test check unit proof bench format openapi lock clean
 
 help: ## list the commands
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 12
@@ -37,6 +37,12 @@ unit: $(READY) ## unit, property, contract and integration tests with coverage
 	@$(BIN)/coverage combine --quiet
 	@$(BIN)/coverage report --skip-covered --show-missing > .coverage.txt || (cat .coverage.txt; exit 1)
 	@tail -n 1 .coverage.txt
+
+proof: $(READY) ## slow proof: the demo over ten seeds
+	$(BIN)/python benchmarks/demo_seeds.py
+
+bench: $(READY) ## compare with peers in the same run
+	$(BIN)/python benchmarks/homology.py
 
 format: $(READY) ## format and mend what can be mended
 	$(BIN)/ruff format .

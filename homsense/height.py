@@ -82,7 +82,7 @@ class HeightMap:
         >>> ring = [[0, 0], [10, 0], [10, 10], [0, 10], [0, 0]]
         >>> square = {"type": "Polygon", "coordinates": [ring], "frame": "local"}
         >>> height = HeightMap.geometric(SiteMap.from_geojson(square), r_geo_m=20.0)
-        >>> height.at(np.array([[-4.0, 5.0], [30.0, 5.0]])).tolist()
+        >>> height.at(np.array([[-4.0, 5.0], [24.0, 5.0]])).tolist()
         [1.0, 0.0]
         """
         for name, length in (("r_geo_m", r_geo_m), ("mesh_m", mesh_m)):

@@ -82,7 +82,7 @@ class SiteMap:
         >>> square = [[0, 0], [10, 0], [10, 10], [0, 10], [0, 0]]
         >>> document = {"type": "Polygon", "coordinates": [square], "frame": "local"}
         >>> SiteMap.from_geojson(document).bounds
-        (-25.0, -25.0, 35.0, 35.0)
+        (-15.0, -15.0, 25.0, 25.0)
         """
         local = _is_local(document)
         features = read_features(document)
