@@ -34,7 +34,7 @@ def serve(
 
 
 @app.command()
-def demo(seed: SeedOption = 2, out: OutOption = Path("demo")) -> None:
+def demo(seed: SeedOption = 4, out: OutOption = Path("demo")) -> None:
     """Map a simulated downtown with phones, localize a robot, write report and figures."""
     from homsense_cli.demo import run_demo
 

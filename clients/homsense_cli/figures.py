@@ -120,13 +120,13 @@ def measurement_error(run: Mapping[str, Any]) -> Figure:
         measured = np.array([np.nan if m["holes"] is None else m["holes"][index] for m in moments])
         upper.plot(way, np.abs(measured - expected), color=color, linewidth=1.0, label=label)
     upper.set_ylabel("absolute error, holes")
-    upper.legend(frameon=False, ncols=2)
+    upper.legend(frameon=False, ncols=2, loc="lower right", bbox_to_anchor=(1.0, 0.98))
     lower.plot(way, [m["error_m"] for m in moments], color=NEAR, label="homological sensing")
     lower.plot(way, [m["baseline_m"] for m in moments], color=WALL, label="motion and walls only")
     lower.set_yscale("log")
     lower.set_ylabel("position error, m")
     lower.set_xlabel("way, m")
-    lower.legend(frameon=False, ncols=2)
+    lower.legend(frameon=False, ncols=2, loc="lower right", bbox_to_anchor=(1.0, 0.98))
     return figure
 
 

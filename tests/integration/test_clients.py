@@ -99,8 +99,8 @@ def test_problems_become_errors_that_say_whose_fault(url: str) -> None:
 
 def _answering(
     *answers: httpx.Response | httpx.TransportError,
-) -> tuple[httpx.MockTransport, list]:
-    left, asked = list(answers), []
+) -> tuple[httpx.MockTransport, list[str]]:
+    left, asked = list(answers), list[str]()
 
     def handle(request: httpx.Request) -> httpx.Response:
         asked.append(request.method)
