@@ -1,11 +1,11 @@
 """The command line. Exit codes: 0 good, 1 failed, 2 misuse."""
 
-import gzip
-import json
+import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NoReturn
 
 import typer
+from pydantic import ValidationError
 from rich.console import Console
 
 app = typer.Typer(
@@ -14,6 +14,8 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+
+FAILED, MISUSE = 1, 2
 
 SeedOption = Annotated[int, typer.Option(min=0, help="Decides world, paths and noise.")]
 OutOption = Annotated[Path, typer.Option(file_okay=False, help="Directory for the results.")]
@@ -48,8 +50,9 @@ def figures(
 ) -> None:
     """Draw the paper's figures 2, 3 and 4 from a recorded run."""
     from homsense_cli.figures import draw_all
+    from homsense_cli.maps import read_json
 
-    for path in draw_all(json.loads(gzip.decompress(run.read_bytes())), out):
+    for path in draw_all(read_json(run), out):
         typer.echo(path)
 
 
@@ -105,8 +108,26 @@ def replay(
 
 
 def main() -> None:
-    """Run the command line."""
-    app()
+    """Run the command line; a failure is one line on standard error."""
+    from homsense_client import ClientError
+    from homsense_service.errors import ServiceError
+
+    from homsense import HomsenseError
+
+    try:
+        app()
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        _fail(f"{'.'.join(map(str, first['loc']))}: {first['msg']}", MISUSE)
+    except (OSError, ValueError, HomsenseError, ServiceError) as error:
+        _fail(str(error), MISUSE)
+    except (ClientError, RuntimeError) as error:
+        _fail(str(error), FAILED)
+
+
+def _fail(message: str, code: int) -> NoReturn:
+    typer.echo(f"homsense: {message}", err=True)
+    sys.exit(code)
 
 
 if __name__ == "__main__":

@@ -47,6 +47,9 @@ def draw_all(run: Mapping[str, Any], directory: Path) -> list[Path]:
     list of pathlib.Path
         PNG files, in the order of the paper.
     """
+    if "height_maps" not in run:
+        message = "this is not a recorded run"
+        raise ValueError(message)
     mpl.use("Agg")
     directory.mkdir(parents=True, exist_ok=True)
     drawn = {

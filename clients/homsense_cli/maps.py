@@ -25,9 +25,12 @@ def read_map(path: Path, window_m: float | None = None) -> dict[str, Any]:
     dict
         FeatureCollection.
     """
-    document: dict[str, Any] = read_json(path)
+    document = read_json(path)
+    if not isinstance(document, dict):
+        message = f"{path} is not a map"
+        raise TypeError(message)
     if "buildings" not in document:
-        return document
+        return dict(document)
     polygons = [polygon for entry in document["buildings"] for polygon in entry["poly"]]
     if window_m is not None:
         polygons = _busiest_window(polygons, window_m)

@@ -97,13 +97,17 @@ def run_replay(directory: Path, replay: Replay, console: Console) -> list[Score]
     list of Score
         One for each walk.
     """
+    names = replay.floors or floor_names(directory)
+    if not names:
+        message = f"{directory} holds no recordings"
+        raise ValueError(message)
     scores: list[Score] = []
     with (
         local_service(cell_m=1.0, height_cell_m=2.0) as url,
         Client(url, timeout_s=300.0) as client,
         Progress(console=console) as bars,
     ):
-        for name in replay.floors or floor_names(directory):
+        for name in names:
             floor = read_floor(directory, name)
             walks = floor.chains[: replay.limit]
             task = bars.add_task(f"{name}: {len(walks)} walks", total=len(walks))
@@ -160,7 +164,10 @@ def _advance(phone: Session, blind: Session, event: WalkEvent) -> tuple[float, f
 
 
 def _table(scores: list[Score]) -> Table:
-    table = Table(title="median error in metres over each walk, unknown start")
+    table = Table(
+        title="median error in metres over each walk, unknown start",
+        caption="bold: medians over the walks",
+    )
     for heading in ("floor", "way m", "facets", "b0", "b1", "homology", "motion + walls"):
         table.add_column(heading, justify="left" if heading == "floor" else "right")
     for score in scores:
@@ -183,7 +190,7 @@ def _add_median(table: Table, name: str, scores: list[Score]) -> None:
         return f"{median(map(read, among)):.1f}"
 
     table.add_row(
-        f"{name}: median of {len(scores)}",
+        f"{name}, {len(scores)} walks",
         "",
         "",
         "",

@@ -1,8 +1,9 @@
 """The composition root: settings -> application."""
 
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from importlib.metadata import version
+from pathlib import Path
 
 from fastapi import FastAPI
 
@@ -14,16 +15,20 @@ from homsense_service.schemas import Problem
 from homsense_service.sessions import SessionTable
 from homsense_service.settings import Settings
 from homsense_service.sites import SiteRegistry
-from homsense_service.store import SqliteStore
+from homsense_service.store import SqliteStore, Store
 
 
-def create_app(settings: Settings | None = None) -> FastAPI:
+def create_app(
+    settings: Settings | None = None, open_store: Callable[[Path], Store] = SqliteStore
+) -> FastAPI:
     """Return the application.
 
     Parameters
     ----------
     settings : Settings, optional
         Read from the environment when absent.
+    open_store : callable, optional
+        Opens the store in the data directory.
 
     Returns
     -------
@@ -34,7 +39,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        store = SqliteStore(chosen.data)
+        store = open_store(chosen.data)
         try:
             registry = SiteRegistry(store, chosen)
             table = SessionTable(chosen.max_sessions)

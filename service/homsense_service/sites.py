@@ -4,7 +4,7 @@ import hashlib
 import threading
 from collections import OrderedDict
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import homsense
@@ -50,11 +50,17 @@ class ComplexVersion:
         Scans in the log when it was reached; grows with every scan.
     devices : frozenset of str
         Who contributed.
+    generation : int
+        Changes whenever the complex itself does; names what is derived from it.
     """
 
     landmark_complex: homsense.LandmarkComplex
     number: int
     devices: frozenset[str]
+    generation: int
+
+
+_EMPTY = ComplexVersion(homsense.LandmarkComplex(), 0, frozenset(), 0)
 
 
 class Site:
@@ -67,14 +73,15 @@ class Site:
         self.writing = threading.Lock()
         self._settings = settings
         self._sample: dict[bytes, frozenset[str]] = {}
-        self.complex = ComplexVersion(homsense.LandmarkComplex(), 0, frozenset())
+        self.complex = _EMPTY
         self._sensed: OrderedDict[tuple[Any, ...], list[homsense.LocalHomology]] = OrderedDict()
         self._heights: dict[tuple[Any, ...], homsense.HeightMap] = {}
+        self._caching = threading.Lock()
         self._deriving = threading.Lock()
 
     def forget(self) -> None:
         """Start again from no scan; the caller holds `writing`."""
-        self.complex = ComplexVersion(homsense.LandmarkComplex(), 0, frozenset())
+        self.complex = replace(_EMPTY, generation=self.complex.generation + 1)
         self._sample = {}
 
     def visible(self, readings: Iterable[StoredReading]) -> frozenset[str]:
@@ -96,7 +103,10 @@ class Site:
         grown = now.landmark_complex.with_observations(observations)
         self._keep_sample(scans, observations)
         devices = now.devices.union(scan.device for scan in scans)
-        self.complex = ComplexVersion(grown, now.number + len(scans), devices)
+        changed = int(grown is not now.landmark_complex)
+        self.complex = ComplexVersion(
+            grown, now.number + len(scans), devices, now.generation + changed
+        )
         return self.complex
 
     def _keep_sample(
@@ -114,14 +124,15 @@ class Site:
         self, visible: frozenset[str], hops: tuple[int, ...]
     ) -> list[homsense.LocalHomology]:
         """Return the local homology of a visible set, from the cache when it is there."""
-        current = self.complex.landmark_complex
-        key = (id(current), visible, hops)
+        current = self.complex
+        key = (current.generation, visible, hops)
         found = self._sensed.get(key)
-        if found is None or found[0].landmark_complex is not current:
-            found = homsense.sense_local_homology(current, visible, hops)
-            self._sensed[key] = found
-            while len(self._sensed) > _SENSE_CACHE:
-                self._sensed.popitem(last=False)
+        if found is None:
+            found = homsense.sense_local_homology(current.landmark_complex, visible, hops)
+            with self._caching:
+                self._sensed[key] = found
+                while len(self._sensed) > _SENSE_CACHE:
+                    self._sensed.popitem(last=False)
         return found
 
     def require_map(self) -> MapVersion:
@@ -138,12 +149,10 @@ class Site:
 
     def _height(self, hops: int) -> homsense.HeightMap:
         current, config = self.require_map(), self.config
-        grown = self.complex.landmark_complex
-        key = (current.digest, config, hops, grown if config.r_geo_m is None else None)
+        generation = self.complex.generation if config.r_geo_m is None else None
+        key = (current.digest, config, generation, hops)
         if key not in self._heights:
-            self._heights = {k: v for k, v in self._heights.items() if k[0] == current.digest}
-            while len(self._heights) >= 4 * max(1, len(config.hops)):
-                self._heights.pop(next(iter(self._heights)))
+            self._heights = {k: v for k, v in self._heights.items() if k[:3] == key[:3]}
             self._heights[key] = homsense.HeightMap.geometric(
                 current.site_map,
                 self._r_geo(current, hops),

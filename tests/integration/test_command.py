@@ -2,6 +2,10 @@
 
 import gzip
 import json
+import os
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -66,6 +70,52 @@ def test_a_fleet_maps_a_running_service(tmp_path: Path) -> None:
 )
 def test_misuse_exits_with_two(arguments: list[str]) -> None:
     assert runner.invoke(app, arguments).exit_code == 2
+
+
+def _homsense(*arguments: str, **variables: str) -> "subprocess.CompletedProcess[str]":
+    return subprocess.run(
+        [sys.executable, "-m", "homsense_cli", *arguments],
+        env={**os.environ, **variables},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+    )
+
+
+def test_a_failure_is_one_line_on_standard_error(tmp_path: Path) -> None:
+    file = tmp_path / "map.json"
+    file.write_text('{"a": 1}')
+    with local_service() as url:
+        port = url.rsplit(":", 1)[1]
+        cases = [
+            (_homsense("serve", "--port", port, "--data", str(tmp_path / "d")), 2, "in use"),
+            (_homsense("serve", "--data", str(file / "x")), 2, "cannot be used"),
+            (_homsense("serve", HOMSENSE_PORT="abc"), 2, "port: "),
+            (_homsense("fleet", "--map", str(file)), 2, "no polygon"),
+            (_homsense("figures", str(file)), 2, "recorded run"),
+            (_homsense("replay", str(tmp_path)), 2, "no recordings"),
+            (_homsense("fleet", "--url", "http://127.0.0.1:1", "--phones", "1"), 1, "connection"),
+        ]
+    for done, code, reason in cases:
+        line = done.stderr.splitlines()[-1]
+        assert (done.returncode, reason in line) == (code, True), done.stderr
+        assert line.startswith("homsense: ")
+        assert "Traceback" not in done.stderr
+
+
+def test_the_service_tells_where_it_serves_and_stops_on_a_signal(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "homsense_cli", "serve", "--port", "0"]
+    with subprocess.Popen(
+        [*command, "--data", str(tmp_path)], stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stderr is not None
+        line = process.stderr.readline()
+        url = line.split()[2]
+        with Client(url) as client:
+            assert client.put_site("a").name == "a"
+        process.send_signal(signal.SIGINT)
+        assert process.wait(timeout=10) in (0, 130)
 
 
 def test_help_names_every_command() -> None:
