@@ -103,10 +103,12 @@ class Site:
         grown = now.landmark_complex.with_observations(observations)
         self._keep_sample(scans, observations)
         devices = now.devices.union(scan.device for scan in scans)
-        changed = int(grown is not now.landmark_complex)
-        self.complex = ComplexVersion(
-            grown, now.number + len(scans), devices, now.generation + changed
-        )
+        generation = now.generation
+        if grown is not now.landmark_complex:
+            generation += 1
+            with self._caching:
+                self._sensed.clear()
+        self.complex = ComplexVersion(grown, now.number + len(scans), devices, generation)
         return self.complex
 
     def _keep_sample(
