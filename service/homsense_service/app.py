@@ -9,6 +9,7 @@ from fastapi import FastAPI
 
 from homsense_service import answers
 from homsense_service.bodies import BoundedBodies
+from homsense_service.metrics import Metrics, TimedRequests
 from homsense_service.operations import Operations
 from homsense_service.routes import health, scans, sessions, sites
 from homsense_service.schemas import Problem
@@ -44,6 +45,7 @@ def create_app(
             registry = SiteRegistry(store, chosen)
             table = SessionTable(chosen.max_sessions)
             app.state.operations = Operations(registry, table, chosen)
+            app.state.metrics = Metrics(lambda: len(registry.all()), lambda: len(table))
             yield
         finally:
             store.close()
@@ -56,6 +58,7 @@ def create_app(
         lifespan=lifespan,
     )
     answers.install(app)
+    app.add_middleware(TimedRequests)
     app.add_middleware(BoundedBodies, max_bytes=chosen.max_body_bytes)
     for module in (health, sites, scans, sessions):
         app.include_router(module.router)

@@ -210,6 +210,10 @@ class SiteRegistry:
             message = f"there is no site {name!r}"
             raise SiteNotFoundError(message) from None
 
+    def check_store(self) -> None:
+        """Raise `StoreError` when the store does not answer."""
+        self._store.sites()
+
     def put(self, name: str, config: SiteConfig) -> tuple[Site, bool]:
         """Create or reconfigure a site; tell whether it is new."""
         with self._lock:

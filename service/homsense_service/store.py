@@ -92,8 +92,13 @@ class SqliteStore:
 
     def sites(self) -> dict[str, SiteConfig]:
         """Return all sites."""
-        with self._lock:
-            rows = self._connection.execute("SELECT id, config FROM site ORDER BY id").fetchall()
+        try:
+            with self._lock:
+                statement = "SELECT id, config FROM site ORDER BY id"
+                rows = self._connection.execute(statement).fetchall()
+        except sqlite3.Error as error:
+            message = f"the store does not answer: {error}"
+            raise StoreError(message) from error
         return {site: _config(json.loads(text)) for site, text in rows}
 
     def put_site(self, site: str, config: SiteConfig) -> None:

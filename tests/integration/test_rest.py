@@ -9,6 +9,7 @@ import pytest
 from fastapi.testclient import TestClient
 from homsense_service.app import create_app
 from homsense_service.settings import Settings
+from homsense_service.store import SqliteStore
 from support.builders import SITE_MAP, feature, local_map, square
 
 JSON = {"content-type": "application/json"}
@@ -434,6 +435,32 @@ def test_what_does_not_exist_is_a_problem_too(api: TestClient) -> None:
     assert problem(api.get("/v1/sites/-bad-"))["code"] == "invalid_request"
     assert problem(api.get("/v1/sessions/nope/pose"))["code"] == "session_not_found"
     assert api.get("/v1/info").json()["name"] == "homsense"
+
+
+def test_operators_see_what_happens(tmp_path: Path) -> None:
+    opened: list[SqliteStore] = []
+
+    def open_store(directory: Path) -> SqliteStore:
+        opened.append(SqliteStore(directory))
+        return opened[0]
+
+    with TestClient(create_app(Settings(data=tmp_path), open_store)) as api:
+        api.put("/v1/sites/a", json={})
+        api.post("/v1/sites/a/scans", json={"scans": [scan(1, "a"), scan(1, "a"), scan(2)]})
+        assert api.get("/readyz").json() == {"status": "ok"}
+        text = api.get("/metrics").text
+        for line in (
+            'homsense_scans_total{result="accepted"} 1.0',
+            'homsense_scans_total{result="duplicate"} 1.0',
+            'homsense_scans_total{result="dropped"} 1.0',
+            "homsense_sites 1.0",
+            "homsense_sessions 0.0",
+        ):
+            assert line in text
+        assert 'route="/v1/sites/{site}/scans",status="200"' in text
+        opened[0].close()
+        assert problem(api.get("/readyz"))["code"] == "store"
+        assert api.get("/healthz").status_code == 200
 
 
 def test_an_unforeseen_failure_is_a_problem_without_its_cause(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from typing import Annotated, Any
 
 from fastapi import Depends, Path, Request
 
+from homsense_service.metrics import Metrics
 from homsense_service.operations import Operations
 
 SiteParam = Annotated[
@@ -17,7 +18,13 @@ def _operations(request: Request) -> Operations:
     return operations
 
 
+def _metrics(request: Request) -> Metrics:
+    metrics: Metrics = request.app.state.metrics
+    return metrics
+
+
 OperationsDep = Annotated[Operations, Depends(_operations)]
+MetricsDep = Annotated[Metrics, Depends(_metrics)]
 
 
 def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:

@@ -2,10 +2,12 @@
 
 from importlib.metadata import version
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Response
+from fastapi.responses import PlainTextResponse
+from prometheus_client import CONTENT_TYPE_LATEST
 
 from homsense_service import schemas
-from homsense_service.routes.access import OperationsDep
+from homsense_service.routes.access import MetricsDep, OperationsDep, problems
 
 router = APIRouter(tags=["operation"])
 
@@ -14,6 +16,19 @@ router = APIRouter(tags=["operation"])
 def healthz() -> schemas.HealthzOut:
     """Answer as long as the process does."""
     return schemas.HealthzOut(status="ok")
+
+
+@router.get("/readyz", summary="Readiness", responses=problems(503))
+def readyz(operations: OperationsDep) -> schemas.HealthzOut:
+    """Answer when the store does: its sites are read again."""
+    operations.sites.check_store()
+    return schemas.HealthzOut(status="ok")
+
+
+@router.get("/metrics", summary="Metrics", response_class=PlainTextResponse)
+def metrics(counted: MetricsDep) -> Response:
+    """Return counters and latencies in the text format of Prometheus."""
+    return Response(counted.exposition(), media_type=CONTENT_TYPE_LATEST)
 
 
 @router.get("/v1/info", summary="What this service is")

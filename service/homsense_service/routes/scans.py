@@ -5,17 +5,20 @@ from typing import Annotated, Any, Literal
 from fastapi import APIRouter, Query
 
 from homsense_service import rendering, schemas
-from homsense_service.routes.access import OperationsDep, SiteParam, problems
+from homsense_service.routes.access import MetricsDep, OperationsDep, SiteParam, problems
 
 router = APIRouter(prefix="/v1/sites/{site}", tags=["scans"])
 
 
 @router.post("/scans", summary="Post scans", responses=problems(400, 404, 413, 422))
 def post_scans(
-    site: SiteParam, batch: schemas.ScansIn, operations: OperationsDep
+    site: SiteParam, batch: schemas.ScansIn, operations: OperationsDep, metrics: MetricsDep
 ) -> schemas.ScansOut:
     """Take a batch of scans; the answer leaves after they are durable."""
     done = operations.ingest_scans(site, batch.scans)
+    metrics.scans.labels("accepted").inc(done.accepted)
+    metrics.scans.labels("duplicate").inc(done.duplicate)
+    metrics.scans.labels("dropped").inc(len(done.dropped))
     return schemas.ScansOut(
         accepted=done.accepted,
         duplicate=done.duplicate,

@@ -5,7 +5,13 @@ from typing import Annotated, Any, Literal
 from fastapi import APIRouter, Query
 
 from homsense_service import rendering, schemas
-from homsense_service.routes.access import OperationsDep, SessionParam, SiteParam, problems
+from homsense_service.routes.access import (
+    MetricsDep,
+    OperationsDep,
+    SessionParam,
+    SiteParam,
+    problems,
+)
 
 router = APIRouter(prefix="/v1", tags=["sessions"])
 
@@ -29,13 +35,15 @@ def open_session(
     responses=problems(400, 404, 409, 413, 422),
 )
 def post_steps(
-    session: SessionParam, batch: schemas.StepsIn, operations: OperationsDep
+    session: SessionParam, batch: schemas.StepsIn, operations: OperationsDep, metrics: MetricsDep
 ) -> schemas.PoseOut:
     """Apply steps in the order of ``seq`` and return the pose after the last.
 
     Repeating a request answers as before and changes nothing.
     """
-    return operations.take_steps(session, batch.steps, rendering.render_pose)
+    pose = operations.take_steps(session, batch.steps, rendering.render_pose)
+    metrics.steps.inc(len(batch.steps))
+    return pose
 
 
 @router.get("/sessions/{session}/pose", summary="The pose", responses=problems(404, 422))
