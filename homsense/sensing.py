@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
+from homsense.homology import Stage
 from homsense.simplicial import LandmarkComplex
 
 
@@ -21,12 +22,16 @@ class LocalHomology:
         The ball.
     betti : tuple of int
         (b0, b1) of the subcomplex over GF(2).
+    lasting : int, optional
+        Holes that are still there one hop farther; the others are phantoms that appeared when the
+        neighborhood was cut out. ``None`` when that was not asked.
     """
 
     landmark_complex: LandmarkComplex
     hops: int
     landmarks: frozenset[str]
     betti: tuple[int, int]
+    lasting: int | None = None
 
     @property
     def holes(self) -> int:
@@ -55,7 +60,11 @@ class LocalHomology:
 
 
 def sense_local_homology(
-    landmark_complex: LandmarkComplex, visible: Iterable[str], hops: Iterable[int] = (2, 3)
+    landmark_complex: LandmarkComplex,
+    visible: Iterable[str],
+    hops: Iterable[int] = (2, 3),
+    *,
+    lasting: bool = False,
 ) -> list[LocalHomology]:
     """Count the holes of the landmark complex near a visible set (Algorithm 3).
 
@@ -67,6 +76,8 @@ def sense_local_homology(
         The landmarks in view now; those the complex does not know are ignored.
     hops : iterable of int, default (2, 3)
         Radii of the neighborhoods, near and far in the paper; any order, not negative.
+    lasting : bool, default False
+        Whether to look one hop farther and tell how many holes live on there.
 
     Returns
     -------
@@ -85,11 +96,24 @@ def sense_local_homology(
     [(0, 0), (1, 1)]
     """
     wanted = list(hops)
-    rising = sorted(set(wanted))
+    farther = {radius + 1 for radius in wanted} if lasting else set[int]()
+    rising = sorted(farther.union(wanted))
     balls = landmark_complex.hop_balls(visible, rising)
-    counts = landmark_complex.betti_of_balls(balls)
+    stages = landmark_complex.homology_of_balls(balls)
     levels = {
-        radius: LocalHomology(landmark_complex, radius, ball, betti)
-        for radius, ball, betti in zip(rising, balls, counts, strict=True)
+        radius: LocalHomology(
+            landmark_complex,
+            radius,
+            balls[at],
+            stages[at].betti,
+            _lasting(stages, at, rising.index(radius + 1)) if lasting else None,
+        )
+        for at, radius in enumerate(rising)
+        if radius in wanted
     }
     return [levels[radius] for radius in wanted]
+
+
+def _lasting(stages: list[Stage], here: int, farther: int) -> int:
+    """Return the rank of H_1 of one neighborhood in that of a wider one."""
+    return sum(born <= here for born in stages[farther].born_at)

@@ -190,8 +190,8 @@ class LandmarkComplex:
         if max_degree > 1:
             return chains.betti_numbers(self._simplices.values(), max_degree)
         rows = self._dual_rows(self._landmarks_by_nearness())
-        (betti,) = homology.betti_history(rows, [len(rows)])
-        return betti[: max_degree + 1]
+        (stage,) = homology.history(rows, [len(rows)])
+        return stage.betti[: max_degree + 1]
 
     def euler_characteristic(self, *, max_terms: int = 100_000) -> int:
         """Return the Euler characteristic without listing faces.
@@ -249,8 +249,8 @@ class LandmarkComplex:
             balls.append(frozenset(ball))
         return balls
 
-    def betti_of_balls(self, balls: Iterable[Iterable[str]]) -> list[tuple[int, int]]:
-        """Return (b0, b1) of the full subcomplexes on growing sets of landmarks, in one pass.
+    def homology_of_balls(self, balls: Iterable[Iterable[str]]) -> list[homology.Stage]:
+        """Return the homology of the full subcomplexes on growing sets of landmarks, in one pass.
 
         Parameters
         ----------
@@ -259,15 +259,15 @@ class LandmarkComplex:
 
         Returns
         -------
-        list of tuple of int
-            One pair for each set.
+        list of Stage
+            One for each set, with the barcode of their inclusions.
         """
         order: dict[str, None] = {}
         ends: list[int] = []
         for ball in balls:
             order.update(dict.fromkeys(sorted(set(ball) - order.keys())))
             ends.append(len(order))
-        return homology.betti_history(self._dual_rows(order), ends)
+        return homology.history(self._dual_rows(order), ends)
 
     def induced(self, landmarks: Iterable[str]) -> Self:
         """Return the full subcomplex on some landmarks.

@@ -100,10 +100,15 @@ class AsyncClient:
         return await self.send(protocol.export_complex(site, form))
 
     async def local_homology(
-        self, site: str, landmarks: protocol.Landmarks, hops: Iterable[int] | None = None
+        self,
+        site: str,
+        landmarks: protocol.Landmarks,
+        hops: Iterable[int] | None = None,
+        *,
+        lasting: bool = False,
     ) -> models.LocalHomology:
         """Count the holes near a scan."""
-        return await self.send(protocol.local_homology(site, landmarks, hops))
+        return await self.send(protocol.local_homology(site, landmarks, hops, lasting=lasting))
 
     async def height_map(self, site: str, hops: int) -> dict[str, Any]:
         """Read the expected holes over the map."""

@@ -100,10 +100,15 @@ class Client:
         return self.send(protocol.export_complex(site, form))
 
     def local_homology(
-        self, site: str, landmarks: protocol.Landmarks, hops: Iterable[int] | None = None
+        self,
+        site: str,
+        landmarks: protocol.Landmarks,
+        hops: Iterable[int] | None = None,
+        *,
+        lasting: bool = False,
     ) -> models.LocalHomology:
         """Count the holes near a scan."""
-        return self.send(protocol.local_homology(site, landmarks, hops))
+        return self.send(protocol.local_homology(site, landmarks, hops, lasting=lasting))
 
     def height_map(self, site: str, hops: int) -> dict[str, Any]:
         """Read the expected holes over the map."""

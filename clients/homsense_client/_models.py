@@ -96,6 +96,7 @@ class Level:
     betti: tuple[int, ...]
     euler: int | None
     holes: int
+    lasting: int | None
 
 
 @dataclass(frozen=True, slots=True)

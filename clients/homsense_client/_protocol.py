@@ -128,10 +128,10 @@ def export_complex(site: str, form: str) -> Call[dict[str, Any]]:
 
 
 def local_homology(
-    site: str, landmarks: Landmarks, hops: Iterable[int] | None
+    site: str, landmarks: Landmarks, hops: Iterable[int] | None, *, lasting: bool
 ) -> Call[models.LocalHomology]:
     """Count the holes near a scan."""
-    body: dict[str, Any] = {"landmarks": list(landmarks)}
+    body: dict[str, Any] = {"landmarks": list(landmarks), "lasting": lasting}
     if hops is not None:
         body["hops"] = list(hops)
     path = _site(site, "local-homology")

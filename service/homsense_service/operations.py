@@ -7,7 +7,7 @@ from typing import TypeVar
 
 import homsense
 from homsense_service import schemas
-from homsense_service.records import StoredReading, StoredScan
+from homsense_service.records import StoredScan
 from homsense_service.sessions import Fix, Session, SessionTable, Step
 from homsense_service.settings import Settings
 from homsense_service.sites import Site, SiteRegistry
@@ -65,12 +65,13 @@ class Operations:
         return Ingested(sum(fresh), len(fresh) - sum(fresh), dropped, version.number)
 
     def sense(
-        self, name: str, heard: tuple[StoredReading, ...], hops: list[int] | None
+        self, name: str, question: schemas.LocalHomologyIn
     ) -> tuple[Site, frozenset[str], list[homsense.LocalHomology]]:
         """Count the holes near a scan."""
         site = self.sites.get(name)
-        visible = site.visible(heard)
-        return site, visible, site.sense(visible, tuple(hops or site.config.hops))
+        visible = site.visible(schemas.readings(question.landmarks))
+        hops = tuple(question.hops or site.config.hops)
+        return site, visible, site.sense(visible, hops, lasting=question.lasting)
 
     def open_session(self, name: str, request: schemas.SessionIn) -> Session:
         """Start localizing a device on a site."""

@@ -98,6 +98,7 @@ def render_level(level: homsense.LocalHomology) -> schemas.Level:
         betti=list(level.betti),
         euler=_euler(level.subcomplex),
         holes=level.holes,
+        lasting=level.lasting,
     )
 
 

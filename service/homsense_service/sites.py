@@ -127,10 +127,12 @@ class Site:
     ) -> list[homsense.LocalHomology]:
         """Return the local homology of a visible set, from the cache when it is there."""
         current = self.complex
-        key = (current.generation, visible, hops)
+        key = (current.generation, visible, hops, lasting)
         found = self._sensed.get(key)
         if found is None:
-            found = homsense.sense_local_homology(current.landmark_complex, visible, hops)
+            found = homsense.sense_local_homology(
+                current.landmark_complex, visible, hops, lasting=lasting
+            )
             with self._caching:
                 self._sensed[key] = found
                 while len(self._sensed) > _SENSE_CACHE:

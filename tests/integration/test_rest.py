@@ -157,6 +157,9 @@ def test_local_homology_counts_holes(api: TestClient, site: str) -> None:
     assert [level["holes"] for level in body["levels"]] == [0, 0, 1]
     assert [level["vertices"] for level in body["levels"]] == [1, 3, 4]
     assert [level["euler"] for level in body["levels"]] == [1, 1, 0]
+    assert [level["lasting"] for level in body["levels"]] == [None, None, None]
+    longer = api.post(path, json={"landmarks": ["a"], "hops": [1, 2], "lasting": True}).json()
+    assert [level["lasting"] for level in longer["levels"]] == [0, 1]
     default = api.post(path, json={"landmarks": ["a"]}).json()
     assert [level["hops"] for level in default["levels"]] == [1, 2]
     nothing = api.post(path, json={"landmarks": []}).json()

@@ -5,7 +5,7 @@ import random
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from support.oracles import all_faces, gudhi_betti, hop_ball, maximal_sets
+from support.oracles import all_faces, gudhi_betti, gudhi_rank, hop_ball, maximal_sets
 from support.strategies import HOPS, OBSERVATION, OBSERVATIONS, SMALL_OBSERVATIONS
 
 from homsense import (
@@ -151,6 +151,27 @@ def test_local_homology_is_that_of_the_induced_subcomplex(
     for level in sense_local_homology(k, visible, hops):
         assert level.betti == gudhi_betti(k.induced(level.landmarks).facets)
         assert level.n_facets == len(maximal_sets(f & level.landmarks for f in k.facets))
+
+
+@given(OBSERVATIONS, OBSERVATION, st.integers(0, 3))
+def test_lasting_holes_are_the_rank_of_the_inclusion(
+    observations: Observations, visible: frozenset[str], radius: int
+) -> None:
+    k = LandmarkComplex.from_observations(observations)
+    (level,) = sense_local_homology(k, visible, [radius], lasting=True)
+    near, far = k.hop_balls(visible, [radius, radius + 1])
+    assert level.lasting == gudhi_rank(k.induced(near).facets, k.induced(far).facets)
+
+
+@given(OBSERVATIONS, HOPS)
+def test_the_barcode_of_hops_is_that_of_gudhi(observations: Observations, hops: list[int]) -> None:
+    k = LandmarkComplex.from_observations(observations)
+    balls = k.hop_balls(sorted(k.landmarks)[:1], sorted(hops))
+    stages = k.homology_of_balls(balls)
+    for here, near in enumerate(balls):
+        for farther in range(here, len(balls)):
+            rank = sum(born <= here for born in stages[farther].born_at)
+            assert rank == gudhi_rank(k.induced(near).facets, k.induced(balls[farther]).facets)
 
 
 @given(OBSERVATIONS)

@@ -34,6 +34,20 @@ def gudhi_betti(simplices: Iterable[frozenset[str]]) -> tuple[int, int]:
     return betti[0], betti[1]
 
 
+def gudhi_rank(smaller: Iterable[frozenset[str]], larger: Iterable[frozenset[str]]) -> int:
+    """Return the rank of H_1 of a complex in that of one that holds it, as GUDHI has it."""
+    first, second = all_faces(smaller), all_faces(larger)
+    number = {vertex: n for n, vertex in enumerate(sorted({v for face in second for v in face}))}
+    tree = gudhi.SimplexTree()
+    for face in second:
+        if len(face) <= 3:
+            tree.insert([number[vertex] for vertex in face], 0.0 if face in first else 1.0)
+    if not second:
+        return 0
+    bars = tree.persistence(homology_coeff_field=2, min_persistence=-1.0, persistence_dim_max=True)
+    return sum(degree == 1 and birth == 0.0 and death > 1.0 for degree, (birth, death) in bars)
+
+
 def maximal_sets(simplices: Iterable[frozenset[str]]) -> frozenset[frozenset[str]]:
     """Return the sets that no other one contains."""
     distinct = {simplex for simplex in simplices if simplex}

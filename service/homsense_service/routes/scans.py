@@ -53,8 +53,7 @@ def post_local_homology(
     site: SiteParam, question: schemas.LocalHomologyIn, operations: OperationsDep
 ) -> schemas.LocalHomologyOut:
     """Count the holes of the complex near a scan."""
-    heard = schemas.readings(question.landmarks)
-    found, visible, levels = operations.sense(site, heard, question.hops)
+    found, visible, levels = operations.sense(site, question)
     return schemas.LocalHomologyOut(
         complex_version=found.complex.number,
         known=len(visible & levels[0].landmark_complex.landmarks),

@@ -116,6 +116,9 @@ class LocalHomologyIn(Wire):
 
     landmarks: Landmarks
     hops: HopList | None = Field(default=None, description="The site's when absent.")
+    lasting: bool = Field(
+        default=False, description="Tell how many holes are still there one hop farther."
+    )
 
 
 class Level(Wire):
@@ -127,6 +130,7 @@ class Level(Wire):
     betti: list[int]
     euler: int | None
     holes: int
+    lasting: int | None = Field(description="Holes that are no artifact of the cut; if asked.")
 
 
 class LocalHomologyOut(Wire):
