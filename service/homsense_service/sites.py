@@ -123,7 +123,7 @@ class Site:
             del self._sample[surplus]
 
     def sense(
-        self, visible: frozenset[str], hops: tuple[int, ...]
+        self, visible: frozenset[str], hops: tuple[int, ...], *, lasting: bool = False
     ) -> list[homsense.LocalHomology]:
         """Return the local homology of a visible set, from the cache when it is there."""
         current = self.complex
