@@ -24,6 +24,7 @@ from homsense.motion import ImuMotion, MotionModel, OdometryMotion
 from homsense.nerve import landmark_complex, observation_complex
 from homsense.pose import Delta
 from homsense.prior import GaussianPrior, HeadingPrior, PolygonPrior, Prior, UniformPrior
+from homsense.range_check import RangePoint, choose_cut, range_curve
 from homsense.relation import VisibilityRelation
 from homsense.scan import Reading, visible_landmarks
 from homsense.sensing import LocalHomology, sense_local_homology
@@ -57,13 +58,16 @@ __all__ = [
     "PolygonPrior",
     "PoseDistribution",
     "Prior",
+    "RangePoint",
     "Reading",
     "SiteMap",
     "UniformPrior",
     "VisibilityRelation",
     "calibrate_r_geo",
+    "choose_cut",
     "landmark_complex",
     "observation_complex",
+    "range_curve",
     "sense_local_homology",
     "visible_landmarks",
 ]

@@ -90,6 +90,36 @@ def core(simplices: Iterable[int]) -> list[int]:
         facets = collapsed
 
 
+def components(simplices: Iterable[int]) -> list[list[int]]:
+    """Return the simplices by connected component.
+
+    Parameters
+    ----------
+    simplices : iterable of int
+        Bit masks, none empty.
+
+    Returns
+    -------
+    list of list of int
+        One list for each component.
+
+    Examples
+    --------
+    >>> components([0b0011, 0b1100, 0b0110, 0b10000])
+    [[3, 12, 6], [16]]
+    """
+    found: list[tuple[int, list[int]]] = []
+    for simplex in simplices:
+        touched = [part for part in found if part[0] & simplex]
+        apart = [part for part in found if not part[0] & simplex]
+        points, members = simplex, list[int]()
+        for other_points, other_members in touched:
+            points |= other_points
+            members += other_members
+        found = [*apart, (points, [*members, simplex])]
+    return [members for _, members in found]
+
+
 def _points(simplices: Iterable[int]) -> int:
     union = 0
     for simplex in simplices:
@@ -125,21 +155,24 @@ def euler_characteristic(simplices: Iterable[int], *, max_terms: int = 100_000) 
     known: dict[frozenset[int], int] = {}
     terms = 0
 
-    def recurse(generators: Iterable[int]) -> int:
+    def of(generators: Iterable[int]) -> int:
+        return sum(of_component(component) for component in components(core(generators)))
+
+    def of_component(facets: list[int]) -> int:
         nonlocal terms
-        facets = core(generators)
-        if len(facets) <= 1:
-            return len(facets)
+        if len(facets) == 1:
+            return 1
         key = frozenset(facets)
         if key not in known:
             total = 0
             for index, facet in enumerate(facets):
-                terms += index
+                overlaps = [facet & earlier for earlier in facets[:index] if facet & earlier]
+                terms += len(overlaps)
                 if terms > max_terms:
                     message = f"the Euler characteristic needs more than {max_terms} terms"
                     raise ComputationLimitError(message)
-                total += 1 - recurse(facet & earlier for earlier in facets[:index])
+                total += 1 - of(overlaps)
             known[key] = total
         return known[key]
 
-    return recurse(simplices)
+    return of(simplices)

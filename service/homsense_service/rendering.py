@@ -89,6 +89,29 @@ def render_node_link(grown: homsense.LandmarkComplex) -> dict[str, Any]:
     return data
 
 
+def render_range_curve(site: Site, curve: list[homsense.RangePoint]) -> schemas.RangeCurveOut:
+    """Return the range self-check of a site."""
+    chosen = homsense.choose_cut(curve)
+    return schemas.RangeCurveOut(
+        version=site.complex.number,
+        min_rssi_dbm=site.config.min_rssi_dbm,
+        chosen_min_rssi_dbm=None if chosen is None else chosen.min_rssi_dbm,
+        points=[
+            schemas.RangePointOut(
+                min_rssi_dbm=point.min_rssi_dbm,
+                landmarks_per_scan=point.landmarks_per_scan,
+                landmarks=point.landmarks,
+                facets=point.facets,
+                betti=list(point.betti),
+                euler=point.euler,
+                alarm=point.alarm,
+                stable=point.stable,
+            )
+            for point in curve
+        ],
+    )
+
+
 def render_level(level: homsense.LocalHomology) -> schemas.Level:
     """Return the homology of one neighborhood."""
     return schemas.Level(

@@ -84,16 +84,17 @@ class Site:
         self.complex = replace(_EMPTY, generation=self.complex.generation + 1)
         self._sample = {}
 
-    def visible(self, readings: Iterable[StoredReading]) -> frozenset[str]:
+    def readings(self, stored: Iterable[StoredReading]) -> list[homsense.Reading]:
+        """Return readings whose identifiers compare as the site's configuration says."""
+        key = self.config.landmark_key
+        return [homsense.Reading(_canonical(r.landmark, key), r.rssi_dbm, r.age_s) for r in stored]
+
+    def visible(self, stored: Iterable[StoredReading]) -> frozenset[str]:
         """Return the landmarks that count as visible under the site's configuration."""
-        config = self.config
         return homsense.visible_landmarks(
-            (
-                homsense.Reading(_canonical(r.landmark, config.landmark_key), r.rssi_dbm, r.age_s)
-                for r in readings
-            ),
-            min_rssi_dbm=config.min_rssi_dbm,
-            max_age_s=config.max_age_s,
+            self.readings(stored),
+            min_rssi_dbm=self.config.min_rssi_dbm,
+            max_age_s=self.config.max_age_s,
         )
 
     def absorb(self, scans: Sequence[StoredScan]) -> ComplexVersion:
@@ -255,6 +256,11 @@ class SiteRegistry:
             fresh = self._store.add_scans(site.name, scans)
             new = [scan for scan, is_new in zip(scans, fresh, strict=True) if is_new]
             return fresh, site.absorb(new)
+
+    def range_curve(self, site: Site) -> list[homsense.RangePoint]:
+        """Return the range self-check over all scans of a site."""
+        heard = (site.readings(scan.readings) for scan in self._store.scans(site.name))
+        return homsense.range_curve(heard, max_age_s=site.config.max_age_s)
 
     def read_map(self, document: dict[str, Any], config: SiteConfig) -> MapVersion:
         """Return the version that a document describes, without storing it."""

@@ -169,6 +169,23 @@ def test_local_homology_counts_holes(api: TestClient, site: str) -> None:
         assert problem(answer)["errors"][0]["field"].startswith("hops")
 
 
+def test_the_range_self_check_finds_the_cut_at_which_holes_last(api: TestClient) -> None:
+    levels = {"ab": -50, "bc": -50, "cd": -52, "da": -52, "abcd": -75}
+    scans = [
+        scan(n, *({"id": name, "rssi": dbm} for name in names))
+        for n, (names, dbm) in enumerate(levels.items())
+    ]
+    api.put("/v1/sites/ring", json={})
+    empty = api.get("/v1/sites/ring/complex?curve=rssi").json()
+    assert empty["chosen_min_rssi_dbm"] is None
+    api.post("/v1/sites/ring/scans", json={"scans": scans})
+    curve = api.get("/v1/sites/ring/complex?curve=rssi").json()
+    assert [point["betti"][1] for point in curve["points"]] == [0, 0, 0, *[1] * 7, 0]
+    assert curve["chosen_min_rssi_dbm"] == -69.0
+    assert not any(point["alarm"] for point in curve["points"])
+    assert (curve["version"], curve["min_rssi_dbm"]) == (5, None)
+
+
 def test_the_site_decides_what_is_visible(api: TestClient, site: str) -> None:
     weak = [scan(n, {"id": i, "rssi": -90}, {"id": j, "rssi": -90}) for n, (i, j) in enumerate(
         [("s", "t"), ("t", "u"), ("u", "s")])]  # fmt: skip

@@ -35,9 +35,16 @@ def get_complex(
         Literal["facets", "hif", "node-link"] | None,
         Query(description="Export the complex instead of its numbers."),
     ] = None,
-) -> schemas.ComplexOut | dict[str, Any]:
-    """Return the numbers of the complex, or the complex itself."""
-    version = operations.sites.get(site).complex
+    curve: Annotated[
+        Literal["rssi"] | None,
+        Query(description="What the complex would be over RSSI cuts, and the cut to choose."),
+    ] = None,
+) -> schemas.ComplexOut | schemas.RangeCurveOut | dict[str, Any]:
+    """Return the numbers of the complex, or the complex itself, or its range self-check."""
+    found = operations.sites.get(site)
+    if curve is not None:
+        return rendering.render_range_curve(found, operations.sites.range_curve(found))
+    version = found.complex
     if format is None:
         return rendering.render_complex(version)
     exports = {

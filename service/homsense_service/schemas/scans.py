@@ -111,6 +111,30 @@ class ComplexOut(Wire):
     euler: int | None = Field(description="null when the complex is too dense to tell.")
 
 
+class RangePointOut(Wire):
+    """What the complex would be at one RSSI cut."""
+
+    min_rssi_dbm: float
+    landmarks_per_scan: float
+    landmarks: int
+    facets: int
+    betti: list[int]
+    euler: int | None = Field(description="null when the complex is too dense to tell.")
+    alarm: bool | None = Field(description="Whether chi is not b0 - b1 (Lemma 5.1 fails).")
+    stable: int = Field(description="Holes from the next stronger cut to the next weaker one.")
+
+
+class RangeCurveOut(Wire):
+    """The range self-check of a site."""
+
+    version: int
+    min_rssi_dbm: float | None = Field(description="The cut in force.")
+    chosen_min_rssi_dbm: float | None = Field(
+        description="The cut with the most stable holes; null when no hole is stable."
+    )
+    points: list[RangePointOut]
+
+
 class LocalHomologyIn(Wire):
     """A question to the homological sensor."""
 

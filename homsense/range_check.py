@@ -1,0 +1,169 @@
+"""The range self-check: which RSSI cut gives a sensing range at which holes are structures.
+
+When the range exceeds about 0.8 of the distance between structures, holes fill in; when it is too
+short, the complex falls apart. Complexes of falling cuts are nested, so holes that are structures
+live over an interval of cuts, while accidents die soon: persistence over the cut tells them apart,
+without any ground truth.
+"""
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from homsense import homology
+from homsense.errors import ComputationLimitError, InvalidInputError
+from homsense.scan import Reading, visible_landmarks
+from homsense.simplicial import LandmarkComplex
+
+STEP_DB = 3.0
+STRONGEST_DBM = -45.0
+_EULER_TERMS = 20_000
+
+
+@dataclass(frozen=True, slots=True)
+class RangePoint:
+    """The complex of one RSSI cut.
+
+    Parameters
+    ----------
+    min_rssi_dbm : float
+        The cut, dBm.
+    landmarks_per_scan : float
+        Mean number of visible landmarks.
+    landmarks, facets : int
+        Size of the complex.
+    betti : tuple of int
+        (b0, b1): fragmentation and holes.
+    euler : int, optional
+        Euler characteristic; ``None`` when too dense to tell.
+    stable : int
+        Holes that live from the next stronger cut through this one to the next weaker one.
+    """
+
+    min_rssi_dbm: float
+    landmarks_per_scan: float
+    landmarks: int
+    facets: int
+    betti: tuple[int, int]
+    euler: int | None
+    stable: int
+
+    @property
+    def alarm(self) -> bool | None:
+        """Whether Lemma 5.1 fails (chi is not b0 - b1): range too long, or missed detections."""
+        return None if self.euler is None else self.euler != self.betti[0] - self.betti[1]
+
+
+def range_curve(
+    scans: Iterable[Sequence[Reading]],
+    cuts_dbm: Sequence[float] | None = None,
+    *,
+    max_age_s: float | None = None,
+) -> list[RangePoint]:
+    """Return what the complex would be at each of some cuts.
+
+    Parameters
+    ----------
+    scans : iterable of sequence of Reading
+        All scans of a site.
+    cuts_dbm : sequence of float, optional
+        Falling cuts, dBm; by default -45, -48 and so on down to the weakest reading.
+    max_age_s : float, optional
+        Oldest sighting that counts, seconds.
+
+    Returns
+    -------
+    list of RangePoint
+        One for each cut, from the strongest to the weakest.
+
+    Raises
+    ------
+    InvalidInputError
+        If the cuts do not fall.
+
+    Examples
+    --------
+    >>> ring = [("ab", -50), ("bc", -50), ("cd", -60), ("da", -60), ("abcd", -80)]
+    >>> scans = [[Reading(name, float(dbm)) for name in names] for names, dbm in ring]
+    >>> [point.betti for point in range_curve(scans, [-50, -60, -70, -80])]
+    [(1, 0), (1, 1), (1, 1), (1, 0)]
+    """
+    heard = [list(scan) for scan in scans]
+    if cuts_dbm is None:
+        cuts_dbm = _default_cuts(heard)
+    if any(later >= earlier for earlier, later in pairwise(cuts_dbm)):
+        message = f"cuts must fall, not {list(cuts_dbm)}"
+        raise InvalidInputError(message, "cuts_dbm")
+    seen = [
+        [visible_landmarks(scan, min_rssi_dbm=cut, max_age_s=max_age_s) for scan in heard]
+        for cut in cuts_dbm
+    ]
+    complexes = [LandmarkComplex.from_observations(observations) for observations in seen]
+    stages = _nested_homology(complexes)
+    return [
+        RangePoint(
+            cut,
+            sum(map(len, seen[at])) / max(1, len(heard)),
+            len(complexes[at].landmarks),
+            len(complexes[at].facets),
+            stages[at].betti,
+            _euler(complexes[at]),
+            _stable(stages, at),
+        )
+        for at, cut in enumerate(cuts_dbm)
+    ]
+
+
+def choose_cut(curve: Sequence[RangePoint]) -> RangePoint | None:
+    """Choose the cut with the most stable holes; of equal ones the weakest.
+
+    Parameters
+    ----------
+    curve : sequence of RangePoint
+        From `range_curve`.
+
+    Returns
+    -------
+    RangePoint or None
+        None when no cut has a stable hole.
+    """
+    best = max(curve, key=lambda point: (point.stable, -point.min_rssi_dbm), default=None)
+    return best if best is not None and best.stable else None
+
+
+def _default_cuts(heard: Iterable[Iterable[Reading]]) -> list[float]:
+    """Return cuts that end where weaker ones would change nothing."""
+    strengths = [r.rssi_dbm for scan in heard for r in scan if r.rssi_dbm is not None]
+    weakest = min(strengths, default=STRONGEST_DBM)
+    steps = max(0, math.ceil((STRONGEST_DBM - weakest) / STEP_DB))
+    return [STRONGEST_DBM - STEP_DB * step for step in range(steps + 1)]
+
+
+def _nested_homology(complexes: Sequence[LandmarkComplex]) -> list[homology.Stage]:
+    """Return the homology of complexes, each inside the next, with the barcode between them."""
+    number: dict[str, int] = {}
+    rows: list[int] = []
+    ends: list[int] = []
+    for grown in complexes:
+        rows.extend(_rows(grown, number))
+        ends.append(len(rows))
+    return homology.history(rows, ends)
+
+
+def _rows(grown: LandmarkComplex, number: dict[str, int]) -> Iterator[int]:
+    for facet in sorted(map(sorted, grown.facets)):
+        yield sum(1 << number.setdefault(landmark, len(number)) for landmark in facet)
+
+
+def _stable(stages: Sequence[homology.Stage], at: int) -> int:
+    if not 0 < at < len(stages) - 1:
+        return 0
+    return sum(born < at for born in stages[at + 1].born_at)
+
+
+def _euler(grown: LandmarkComplex) -> int | None:
+    try:
+        return grown.euler_characteristic(max_terms=_EULER_TERMS)
+    except ComputationLimitError:
+        return None
