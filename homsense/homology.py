@@ -69,6 +69,39 @@ class MayerVietoris:
         self._components = 0
         self._birth: list[int] = []
 
+    def is_labelled(self, index: int) -> bool:
+        """Tell whether any potential varies over a simplex.
+
+        Parameters
+        ----------
+        index : int
+            Number of the simplex, in the order of addition.
+
+        Returns
+        -------
+        bool
+            False when a walk through it winds round nothing there.
+        """
+        return bool(self._planes[index])
+
+    def label(self, index: int, point: int) -> int:
+        """Return the potentials of all classes at a point of a simplex.
+
+        Parameters
+        ----------
+        index : int
+            Number of the simplex, in the order of addition.
+        point : int
+            One of its points.
+
+        Returns
+        -------
+        int
+            Bit mask over classes.
+        """
+        planes = self._planes[index]
+        return sum(1 << generator for generator, plane in planes.items() if plane >> point & 1)
+
     @property
     def size(self) -> int:
         """The number of simplices added; empty ones do not count."""
@@ -187,7 +220,10 @@ class MayerVietoris:
             candidates &= self._labelled
         for neighbor in bits(candidates):
             meeting = self._simplices[neighbor] & simplex
-            while relation := _difference(planes, self._planes[neighbor], meeting):
+            others = self._planes[neighbor]
+            if not others and all(plane & meeting in (0, meeting) for plane in planes.values()):
+                continue
+            while relation := _difference(planes, others, meeting):
                 self._kill(max(relation), relation, planes)
 
     def _kill(self, youngest: int, relation: set[int], current: Planes) -> None:

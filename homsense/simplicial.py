@@ -12,7 +12,7 @@ from typing import NamedTuple, Self
 
 import networkx as nx
 
-from homsense import chains, euler, homology
+from homsense import chains, cycles, euler, homology
 from homsense.errors import InvalidComplexError
 from homsense.scan import observation
 
@@ -268,6 +268,25 @@ class LandmarkComplex:
             order.update(dict.fromkeys(sorted(set(ball) - order.keys())))
             ends.append(len(order))
         return homology.history(self._dual_rows(order), ends)
+
+    def cycles(self) -> list[tuple[str, ...]]:
+        """Return a short closed walk round each hole.
+
+        Returns
+        -------
+        list of tuple of str
+            As many as b1, shortest first: landmarks of which each was seen together with the next
+            and the last with the first; as classes they are a basis of H_1.
+
+        Examples
+        --------
+        >>> k = LandmarkComplex.from_observations([{"a", "b"}, {"b", "c"}, {"c", "a"}])
+        >>> k.cycles()
+        [('c', 'b', 'a')]
+        """
+        landmarks = self._landmarks_by_nearness()
+        walks = cycles.shortest_cycles(self._dual_rows(landmarks))
+        return [tuple(landmarks[index] for index in walk.simplices) for walk in walks]
 
     def induced(self, landmarks: Iterable[str]) -> Self:
         """Return the full subcomplex on some landmarks.

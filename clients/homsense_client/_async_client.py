@@ -106,9 +106,12 @@ class AsyncClient:
         hops: Iterable[int] | None = None,
         *,
         lasting: bool = False,
+        cycles: bool = False,
     ) -> models.LocalHomology:
         """Count the holes near a scan."""
-        return await self.send(protocol.local_homology(site, landmarks, hops, lasting=lasting))
+        return await self.send(
+            protocol.local_homology(site, landmarks, hops, lasting=lasting, cycles=cycles)
+        )
 
     async def height_map(self, site: str, hops: int) -> dict[str, Any]:
         """Read the expected holes over the map."""

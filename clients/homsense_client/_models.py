@@ -97,6 +97,14 @@ class Level:
     euler: int | None
     holes: int
     lasting: int | None
+    cycles: tuple[tuple[str, ...], ...] | None
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Self:
+        """Return the value of an answer."""
+        cycles = data["cycles"]
+        listed = None if cycles is None else tuple(tuple(cycle) for cycle in cycles)
+        return cls(**{**data, "betti": tuple(data["betti"]), "cycles": listed})
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +118,7 @@ class LocalHomology:
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Self:
         """Return the value of an answer."""
-        levels = tuple(Level(**{**one, "betti": tuple(one["betti"])}) for one in data["levels"])
+        levels = tuple(Level.from_json(one) for one in data["levels"])
         return cls(data["complex_version"], data["known"], levels)
 
 

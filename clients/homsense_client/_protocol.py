@@ -128,10 +128,10 @@ def export_complex(site: str, form: str) -> Call[dict[str, Any]]:
 
 
 def local_homology(
-    site: str, landmarks: Landmarks, hops: Iterable[int] | None, *, lasting: bool
+    site: str, landmarks: Landmarks, hops: Iterable[int] | None, **options: bool
 ) -> Call[models.LocalHomology]:
     """Count the holes near a scan."""
-    body: dict[str, Any] = {"landmarks": list(landmarks), "lasting": lasting}
+    body: dict[str, Any] = {"landmarks": list(landmarks), **options}
     if hops is not None:
         body["hops"] = list(hops)
     path = _site(site, "local-homology")

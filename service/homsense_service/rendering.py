@@ -112,8 +112,8 @@ def render_range_curve(site: Site, curve: list[homsense.RangePoint]) -> schemas.
     )
 
 
-def render_level(level: homsense.LocalHomology) -> schemas.Level:
-    """Return the homology of one neighborhood."""
+def render_level(level: homsense.LocalHomology, *, cycles: bool) -> schemas.Level:
+    """Return the homology of one neighborhood, with its cycles on request."""
     return schemas.Level(
         hops=level.hops,
         vertices=level.n_landmarks,
@@ -122,6 +122,7 @@ def render_level(level: homsense.LocalHomology) -> schemas.Level:
         euler=_euler(level.subcomplex),
         holes=level.holes,
         lasting=level.lasting,
+        cycles=[list(cycle) for cycle in level.subcomplex.cycles()] if cycles else None,
     )
 
 

@@ -48,6 +48,10 @@ def test_the_blocking_client_walks_the_whole_path(url: str) -> None:
         assert client.get_complex("sync").betti == (1, 1)
         assert len(client.export_complex("sync")["facets"]) == 4
         assert client.local_homology("sync", ["a"]).levels[1].holes == 1
+        asked = client.local_homology("sync", ["a"], hops=[2], lasting=True, cycles=True)
+        assert asked.levels[0].lasting == 1
+        assert asked.levels[0].cycles is not None
+        assert set(asked.levels[0].cycles[0]) == {"a", "b", "c", "d"}
         assert client.local_homology("sync", ["a"], hops=[1]).levels[0].holes == 0
         assert client.height_map("sync", 2)["hops"] == 2
         with client.open_session("sync", particles=100, seed=1) as session:

@@ -160,6 +160,8 @@ def test_local_homology_counts_holes(api: TestClient, site: str) -> None:
     assert [level["lasting"] for level in body["levels"]] == [None, None, None]
     longer = api.post(path, json={"landmarks": ["a"], "hops": [1, 2], "lasting": True}).json()
     assert [level["lasting"] for level in longer["levels"]] == [0, 1]
+    which = api.post(path, json={"landmarks": ["a"], "hops": [2], "cycles": True}).json()
+    assert [sorted(cycle) for cycle in which["levels"][0]["cycles"]] == [["a", "b", "c", "d"]]
     default = api.post(path, json={"landmarks": ["a"]}).json()
     assert [level["hops"] for level in default["levels"]] == [1, 2]
     nothing = api.post(path, json={"landmarks": []}).json()

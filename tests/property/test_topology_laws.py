@@ -153,6 +153,20 @@ def test_local_homology_is_that_of_the_induced_subcomplex(
         assert level.n_facets == len(maximal_sets(f & level.landmarks for f in k.facets))
 
 
+@given(OBSERVATIONS)
+def test_cycles_stand_for_all_holes(observations: Observations) -> None:
+    """Filling each cycle with a cone kills one class, and all cycles together kill all."""
+    k = LandmarkComplex.from_observations(observations)
+    betti = k.betti_numbers()
+    cycles = k.cycles()
+    assert len(cycles) == betti[1]
+    for number, cycle in enumerate(cycles):
+        for edge in zip(cycle, (*cycle[1:], cycle[0]), strict=True):
+            assert set(edge) in k
+            k = k.with_observation({*edge, f"apex {number}"})
+        assert k.betti_numbers() == (betti[0], betti[1] - number - 1)
+
+
 @given(OBSERVATIONS, OBSERVATION, st.integers(0, 3))
 def test_lasting_holes_are_the_rank_of_the_inclusion(
     observations: Observations, visible: frozenset[str], radius: int

@@ -64,5 +64,5 @@ def post_local_homology(
     return schemas.LocalHomologyOut(
         complex_version=found.complex.number,
         known=len(visible & levels[0].landmark_complex.landmarks),
-        levels=[rendering.render_level(level) for level in levels],
+        levels=[rendering.render_level(level, cycles=question.cycles) for level in levels],
     )

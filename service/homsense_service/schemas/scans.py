@@ -143,6 +143,7 @@ class LocalHomologyIn(Wire):
     lasting: bool = Field(
         default=False, description="Tell how many holes are still there one hop farther."
     )
+    cycles: bool = Field(default=False, description="Tell which holes are meant.")
 
 
 class Level(Wire):
@@ -155,6 +156,9 @@ class Level(Wire):
     euler: int | None
     holes: int
     lasting: int | None = Field(description="Holes that are no artifact of the cut; if asked.")
+    cycles: list[list[str]] | None = Field(
+        description="Landmarks of a short closed walk round each hole; if asked."
+    )
 
 
 class LocalHomologyOut(Wire):
