@@ -18,7 +18,7 @@ class Settings(BaseSettings):
         default=32 * 2**20, ge=1024, description="Largest request body, before and after gzip."
     )
     max_landmarks_per_scan: int = Field(
-        default=5000, ge=1, description="Readings in one scan; more are refused."
+        default=4096, ge=1, description="Readings in one scan; more are refused."
     )
     max_sessions: int = Field(default=1000, ge=1, description="Live sessions at once.")
     calibration_scans: int = Field(
