@@ -116,12 +116,13 @@ class Site:
         self, scans: Sequence[StoredScan], observations: Sequence[frozenset[str]]
     ) -> None:
         """Keep the scans with the smallest hashes: uniform, and the same in any order."""
+        sample = dict(self._sample)
         for scan, visible in zip(scans, observations, strict=True):
             if visible:
                 key = f"{scan.device}\0{scan.scan_id}".encode()
-                self._sample[hashlib.blake2b(key, digest_size=16).digest()] = visible
-        for surplus in sorted(self._sample)[self._settings.calibration_scans :]:
-            del self._sample[surplus]
+                sample[hashlib.blake2b(key, digest_size=16).digest()] = visible
+        kept = sorted(sample)[: self._settings.calibration_scans]
+        self._sample = {key: sample[key] for key in kept}
 
     def sense(
         self, visible: frozenset[str], hops: tuple[int, ...], *, lasting: bool = False
@@ -178,10 +179,8 @@ class Site:
 
     def _calibration_counts(self, hops: int) -> list[int]:
         levels = tuple(sorted({*self.config.hops, hops}))
-        return [
-            self.sense(self._sample[key], levels)[levels.index(hops)].holes
-            for key in sorted(self._sample)
-        ]
+        at = levels.index(hops)
+        return [self.sense(visible, levels)[at].holes for visible in self._sample.values()]
 
 
 class SiteRegistry:
