@@ -37,12 +37,13 @@ def free_space_graph(grid: Grid, free: BoolArray) -> sparse.csr_array:
     rows, columns = grid.shape
     number = np.arange(rows * columns).reshape(rows, columns)
     starts, ends, lengths = [], [], []
-    for up, right in _MOVES:
-        open_cells = free[_window(up, right, rows, columns, at_end=False)].copy()
-        for part_up, part_right in _crossed(up, right):
-            shifted = _shifted(free, part_up, part_right, up, right)
-            open_cells &= shifted
-        start = number[_window(up, right, rows, columns, at_end=False)][open_cells]
+    for move in _MOVES:
+        here = _window(grid.shape, move, (0, 0))
+        open_cells = free[here].copy()
+        for crossed in _crossed(*move):
+            open_cells &= free[_window(grid.shape, move, crossed)]
+        start = number[here][open_cells]
+        up, right = move
         starts.append(start)
         ends.append(start + up * columns + right)
         lengths.append(np.full(len(start), grid.cell_m * float(np.hypot(up, right))))
@@ -50,23 +51,13 @@ def free_space_graph(grid: Grid, free: BoolArray) -> sparse.csr_array:
     return sparse.csr_array(entries, shape=(rows * columns, rows * columns))
 
 
-def _window(up: int, right: int, rows: int, columns: int, *, at_end: bool) -> tuple[slice, slice]:
-    """Return the cells from which (or at which) a move stays on the grid."""
-    shift_up, shift_right = (up, right) if at_end else (0, 0)
-    west = max(0, -right) + shift_right
-    return (
-        slice(shift_up, rows - up + shift_up),
-        slice(west, west + columns - abs(right)),
-    )
-
-
-def _shifted(free: BoolArray, part_up: int, part_right: int, up: int, right: int) -> BoolArray:
-    rows, columns = free.shape
-    west = max(0, -right)
-    return free[
-        part_up : part_up + rows - up,
-        west + part_right : west + part_right + columns - abs(right),
-    ]
+def _window(
+    shape: tuple[int, int], move: tuple[int, int], offset: tuple[int, int]
+) -> tuple[slice, slice]:
+    """Return the cells at an offset from those from which a move stays on the grid."""
+    (rows, columns), (up, right) = shape, move
+    south, west = offset[0], max(0, -right) + offset[1]
+    return slice(south, south + rows - up), slice(west, west + columns - abs(right))
 
 
 def _crossed(up: int, right: int) -> tuple[tuple[int, int], ...]:

@@ -165,9 +165,9 @@ def final_median(moments: list[Moment], read: Callable[[Moment], float]) -> floa
 
 def every(moments: list[Moment], way_m: float) -> list[Moment]:
     """Return the moments at which another stretch was completed."""
+    ways = [0.0, *(moment.travelled_m for moment in moments)]
     return [
         moment
-        for before, moment in zip([None, *moments], moments, strict=False)
-        if (before is None and moment.travelled_m >= way_m)
-        or (before is not None and moment.travelled_m // way_m > before.travelled_m // way_m)
+        for before, moment in zip(ways, moments, strict=False)
+        if moment.travelled_m // way_m > before // way_m
     ]

@@ -15,12 +15,11 @@ from homsense_service.problems import (
     INTERNAL,
     INVALID_REQUEST,
     MALFORMED_JSON,
+    MEDIA_TYPE,
     Kind,
     kind_of,
     problem,
 )
-
-MEDIA_TYPE = "application/problem+json"
 
 _log = logging.getLogger(__name__)
 

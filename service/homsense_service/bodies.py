@@ -1,11 +1,11 @@
 """Request bodies: bounded, and unfolded when they come gzipped. Pure ASGI."""
 
-import json
 import zlib
 
+from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from homsense_service.problems import MALFORMED_GZIP, TOO_LARGE, Kind, problem
+from homsense_service.problems import MALFORMED_GZIP, MEDIA_TYPE, TOO_LARGE, Kind, problem
 
 _GZIP = 16 + zlib.MAX_WBITS
 
@@ -32,12 +32,14 @@ class BoundedBodies:
             return
         body = await _read(receive, self._max_bytes)
         if body is None:
-            await _refuse(send, TOO_LARGE, f"the limit is {self._max_bytes} bytes")
+            refusal = _refusal(TOO_LARGE, f"the limit is {self._max_bytes} bytes")
+            await refusal(scope, receive, send)
             return
         if dict(scope["headers"]).get(b"content-encoding", b"").lower() == b"gzip":
             unfolded = _unfold(body, self._max_bytes)
             if isinstance(unfolded, Kind):
-                await _refuse(send, unfolded, f"the limit is {self._max_bytes} bytes unfolded")
+                refusal = _refusal(unfolded, f"the limit is {self._max_bytes} bytes unfolded")
+                await refusal(scope, receive, send)
                 return
             body, scope = unfolded, _without_encoding(scope, len(unfolded))
         await self._app(scope, _once(body, receive), send)
@@ -82,11 +84,5 @@ def _once(body: bytes, receive: Receive) -> Receive:
     return replay
 
 
-async def _refuse(send: Send, kind: Kind, detail: str) -> None:
-    body = json.dumps(problem(kind, detail)).encode()
-    headers = [
-        (b"content-type", b"application/problem+json"),
-        (b"content-length", str(len(body)).encode()),
-    ]
-    await send({"type": "http.response.start", "status": kind.status, "headers": headers})
-    await send({"type": "http.response.body", "body": body})
+def _refusal(kind: Kind, detail: str) -> JSONResponse:
+    return JSONResponse(problem(kind, detail), status_code=kind.status, media_type=MEDIA_TYPE)

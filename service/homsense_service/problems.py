@@ -6,6 +6,8 @@ from typing import Any
 import homsense
 from homsense_service import errors
 
+MEDIA_TYPE = "application/problem+json"
+
 
 @dataclass(frozen=True, slots=True)
 class Kind:

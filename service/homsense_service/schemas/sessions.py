@@ -8,6 +8,8 @@ from shapely.geometry import Polygon
 import homsense
 from homsense_service.schemas.wire import HopList, Landmarks, Moment, Wire, unix_seconds
 
+_IMU, _NOISE, _ODOMETRY = homsense.ImuMotion(), homsense.CountNoise(), homsense.OdometryMotion()
+
 
 class HeadingIn(Wire):
     """A compass at the start."""
@@ -54,10 +56,10 @@ class OdometryIn(Wire):
     """Error of odometry, as ratios of standard deviations."""
 
     type: Literal["odometry"]
-    translation_per_m: float = Field(default=0.16, ge=0, le=100)
-    translation_per_rad: float = Field(default=0.1, ge=0, le=100)
-    rotation_per_m: float = Field(default=0.01, ge=0, le=100)
-    rotation_per_rad: float = Field(default=0.05, ge=0, le=100)
+    translation_per_m: float = Field(default=_ODOMETRY.translation_per_m, ge=0, le=100)
+    translation_per_rad: float = Field(default=_ODOMETRY.translation_per_rad, ge=0, le=100)
+    rotation_per_m: float = Field(default=_ODOMETRY.rotation_per_m, ge=0, le=100)
+    rotation_per_rad: float = Field(default=_ODOMETRY.rotation_per_rad, ge=0, le=100)
 
     def to_model(self) -> homsense.OdometryMotion:
         """Return the value."""
@@ -68,8 +70,8 @@ class ImuIn(Wire):
     """Gaussian error of accelerations, the paper's by default."""
 
     type: Literal["imu"]
-    sigma_linear: float = Field(default=10.0, ge=0, le=1000, description="m/s^2")
-    sigma_angular: float = Field(default=0.435, ge=0, le=1000, description="rad/s^2")
+    sigma_linear: float = Field(default=_IMU.sigma_linear, ge=0, le=1000, description="m/s^2")
+    sigma_angular: float = Field(default=_IMU.sigma_angular, ge=0, le=1000, description="rad/s^2")
 
     def to_model(self) -> homsense.ImuMotion:
         """Return the value."""
@@ -84,10 +86,15 @@ class SensorIn(Wire):
 
     type: Literal["homology", "auto"] = "homology"
     hops: HopList | None = Field(default=None, description="The site's when absent.")
-    sigma: float = Field(default=1.5, gt=0, le=1e6, description="Deviation of a count, holes.")
-    floor: float = Field(default=0.02, ge=0, lt=1, description="Share that says nothing.")
+    sigma: float = Field(
+        default=_NOISE.sigma, gt=0, le=1e6, description="Deviation of a count, holes."
+    )
+    floor: float = Field(default=_NOISE.floor, ge=0, lt=1, description="Share that says nothing.")
     correlation_m: float = Field(
-        default=150.0, gt=0, le=1e6, description="Way after which the error is new, metres."
+        default=_NOISE.correlation_m,
+        gt=0,
+        le=1e6,
+        description="Way after which the error is new, metres.",
     )
 
     def to_noise(self) -> homsense.CountNoise:
