@@ -7,7 +7,7 @@ not constant, so a breadth-first search from each of those finds the shortest ca
 """
 
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from homsense.homology import MayerVietoris, bits
@@ -30,6 +30,33 @@ class ClosedWalk:
 
     simplices: tuple[int, ...]
     winding: int
+
+
+def round_holes(facets: Iterable[Iterable[str]]) -> list[tuple[str, ...]]:
+    """Return a short closed walk round each hole of a complex.
+
+    Parameters
+    ----------
+    facets : iterable of iterable of str
+        Its facets, in any order.
+
+    Returns
+    -------
+    list of tuple of str
+        Vertices, as many walks as b1, shortest first; the same for equal complexes.
+
+    Examples
+    --------
+    >>> round_holes([{"a", "b"}, {"b", "c"}, {"c", "a"}])
+    [('c', 'b', 'a')]
+    """
+    through: dict[str, int] = {}
+    for number, facet in enumerate(sorted(map(sorted, facets))):
+        for vertex in facet:
+            through[vertex] = through.get(vertex, 0) | 1 << number
+    vertices = list(through)
+    walks = shortest_cycles(list(through.values()))
+    return [tuple(vertices[index] for index in walk.simplices) for walk in walks]
 
 
 def shortest_cycles(simplices: Sequence[int]) -> list[ClosedWalk]:

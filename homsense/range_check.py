@@ -7,12 +7,14 @@ without any ground truth.
 """
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from homsense import homology
+from homsense.engine import fastest
 from homsense.errors import ComputationLimitError, InvalidInputError
+from homsense.facet_table import Ragged
+from homsense.history import History
 from homsense.scan import Reading, visible_landmarks
 from homsense.simplicial import LandmarkComplex
 
@@ -105,9 +107,9 @@ def range_curve(
         RangePoint(
             cut,
             sum(map(len, seen[at])) / max(1, len(heard)),
-            len(complexes[at].landmarks),
-            len(complexes[at].facets),
-            stages[at].betti,
+            complexes[at].n_landmarks,
+            complexes[at].n_facets,
+            stages.betti(at),
             _euler(complexes[at]),
             _stable(stages, at),
         )
@@ -140,26 +142,20 @@ def _default_cuts(heard: Iterable[Iterable[Reading]]) -> list[float]:
     return [STRONGEST_DBM - STEP_DB * step for step in range(steps + 1)]
 
 
-def _nested_homology(complexes: Sequence[LandmarkComplex]) -> list[homology.Stage]:
-    """Return the homology of complexes, each inside the next, with the barcode between them."""
+def _nested_homology(complexes: Sequence[LandmarkComplex]) -> History:
+    """Return the homology of complexes, each inside the next."""
     number: dict[str, int] = {}
-    rows: list[int] = []
+    rows: list[list[int]] = []
     ends: list[int] = []
     for grown in complexes:
-        rows.extend(_rows(grown, number))
+        facets = sorted(map(sorted, grown.facets))
+        rows += [[number.setdefault(name, len(number)) for name in facet] for facet in facets]
         ends.append(len(rows))
-    return homology.history(rows, ends)
+    return fastest().history(Ragged.of(rows), ends)
 
 
-def _rows(grown: LandmarkComplex, number: dict[str, int]) -> Iterator[int]:
-    for facet in sorted(map(sorted, grown.facets)):
-        yield sum(1 << number.setdefault(landmark, len(number)) for landmark in facet)
-
-
-def _stable(stages: Sequence[homology.Stage], at: int) -> int:
-    if not 0 < at < len(stages) - 1:
-        return 0
-    return sum(born < at for born in stages[at + 1].born_at)
+def _stable(stages: History, at: int) -> int:
+    return stages.rank(at - 1, at + 1) if 0 < at < len(stages.components) - 1 else 0
 
 
 def _euler(grown: LandmarkComplex) -> int | None:

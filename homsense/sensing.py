@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
-from homsense.homology import Stage
+from homsense.facet_table import Numbers
 from homsense.simplicial import LandmarkComplex
 
 
@@ -18,8 +18,8 @@ class LocalHomology:
         The complex that was asked.
     hops : int
         Radius of the ball.
-    landmarks : frozenset of str
-        The ball.
+    numbers : ndarray, int32
+        The ball: numbers of its landmarks in the complex.
     betti : tuple of int
         (b0, b1) of the subcomplex over GF(2).
     lasting : int, optional
@@ -29,7 +29,7 @@ class LocalHomology:
 
     landmark_complex: LandmarkComplex
     hops: int
-    landmarks: frozenset[str]
+    numbers: Numbers
     betti: tuple[int, int]
     lasting: int | None = None
 
@@ -41,7 +41,12 @@ class LocalHomology:
     @property
     def n_landmarks(self) -> int:
         """How many landmarks the ball holds."""
-        return len(self.landmarks)
+        return len(self.numbers)
+
+    @cached_property
+    def landmarks(self) -> frozenset[str]:
+        """The ball."""
+        return self.landmark_complex.names(self.numbers)
 
     @cached_property
     def subcomplex(self) -> LandmarkComplex:
@@ -51,7 +56,7 @@ class LocalHomology:
     @property
     def n_facets(self) -> int:
         """How many facets the subcomplex has."""
-        return len(self.subcomplex.facets)
+        return self.subcomplex.n_facets
 
     @cached_property
     def euler(self) -> int:
@@ -98,22 +103,16 @@ def sense_local_homology(
     wanted = list(hops)
     farther = {radius + 1 for radius in wanted} if lasting else set[int]()
     rising = sorted(farther.union(wanted))
-    balls = landmark_complex.hop_balls(visible, rising)
-    stages = landmark_complex.homology_of_balls(balls)
+    order, ends, homology = landmark_complex.sense(visible, rising)
     levels = {
         radius: LocalHomology(
             landmark_complex,
             radius,
-            balls[at],
-            stages[at].betti,
-            _lasting(stages, at, rising.index(radius + 1)) if lasting else None,
+            order[: ends[at]],
+            homology.betti(at),
+            homology.rank(at, rising.index(radius + 1)) if lasting else None,
         )
         for at, radius in enumerate(rising)
         if radius in wanted
     }
     return [levels[radius] for radius in wanted]
-
-
-def _lasting(stages: list[Stage], here: int, farther: int) -> int:
-    """Return the rank of H_1 of one neighborhood in that of a wider one."""
-    return sum(born <= here for born in stages[farther].born_at)

@@ -1,39 +1,39 @@
 """The landmark complex, kept as its facets; a value that only ever grows.
 
-A *facet* is a maximal simplex. Two tables hold the whole complex: facet -> landmarks, and
-landmark -> facets (posting lists), which is the Dowker dual. No face is ever listed.
+A *facet* is a maximal simplex; `homsense.facet_table` holds them. No face is ever listed. This
+file knows the names of the landmarks; below it they are numbers.
 """
 
 import hashlib
 import json
-from collections.abc import Iterable, Iterator, Mapping
-from types import MappingProxyType
-from typing import NamedTuple, Self
+from collections.abc import Iterable, Iterator
+from typing import Self
 
-import networkx as nx
+import numpy as np
 
-from homsense import chains, cycles, euler, homology
+from homsense import chains, cycles, euler, neighborhood
+from homsense.engine import Engine, fastest
 from homsense.errors import InvalidComplexError
+from homsense.facet_table import FacetTable, Numbers, Ragged
+from homsense.history import bit_masks
+from homsense.neighborhood import Neighborhoods
 from homsense.scan import observation
 
 Simplex = frozenset[str]
 
 
-class Tables(NamedTuple):
-    """The facets both ways; never changed once a complex holds them."""
-
-    simplices: Mapping[int, Simplex] = MappingProxyType({})
-    postings: Mapping[str, frozenset[int]] = MappingProxyType({})
-    next_number: int = 0
-
-
-_EMPTY = Tables()
-
-
 class LandmarkComplex:
     """A simplicial complex on landmarks: the simplices are the sets that were seen together.
 
-    Equal complexes compare, hash and digest equal, however they were built.
+    Equal complexes compare, hash and digest equal, however they were built. A version is never
+    changed by what is observed later, and may be read while another thread adds to it.
+
+    Parameters
+    ----------
+    engine : Engine, optional
+        What runs the hot loops, here and in all versions that follow; the fastest by default.
+    table : FacetTable, optional
+        The facets; none by default.
 
     Examples
     --------
@@ -44,21 +44,25 @@ class LandmarkComplex:
     (1, 0)
     """
 
-    __slots__ = ("_next", "_postings", "_simplices")
+    __slots__ = ("_engine", "_table", "_version")
 
-    def __init__(self, tables: Tables = _EMPTY) -> None:
-        self._simplices = tables.simplices
-        self._postings = tables.postings
-        self._next = tables.next_number
+    def __init__(self, engine: Engine | None = None, table: FacetTable | None = None) -> None:
+        self._engine = engine or fastest()
+        self._table = table or FacetTable()
+        self._version = self._table.version()
 
     @classmethod
-    def from_observations(cls, observations: Iterable[Iterable[str]]) -> Self:
+    def from_observations(
+        cls, observations: Iterable[Iterable[str]], engine: Engine | None = None
+    ) -> Self:
         """Return the landmark complex of some observations (Algorithm 2, buildLandmarkComplex).
 
         Parameters
         ----------
         observations : iterable of iterable of str
             The landmarks in view at each observation; order and repetition do not matter.
+        engine : Engine, optional
+            What runs the hot loops; the fastest by default.
 
         Returns
         -------
@@ -70,7 +74,7 @@ class LandmarkComplex:
         InvalidScanError
             If an identifier is not a non-empty string.
         """
-        return cls().with_observations(observations)
+        return cls(engine).with_observations(observations)
 
     def with_observation(self, landmarks: Iterable[str]) -> Self:
         """Return the complex with one more observation.
@@ -100,29 +104,55 @@ class LandmarkComplex:
         LandmarkComplex
             A new version, or this very one when every observation lies in a facet already.
         """
-        simplices = dict(self._simplices)
-        postings = dict(self._postings)
-        number = self._next
-        for landmarks in observations:
-            simplex = observation(landmarks)
-            if not simplex or _is_face(simplex, simplices, postings):
-                continue
-            for covered in _facets_inside(simplex, simplices, postings):
-                for landmark in simplices.pop(covered):
-                    postings[landmark] -= {covered}
-            simplices[number] = simplex
-            for landmark in simplex:
-                postings[landmark] = postings.get(landmark, frozenset()) | {number}
-            number += 1
-        if number == self._next:
+        seen = [simplex for simplex in map(observation, observations) if simplex]
+        if not seen:
             return self
-        return type(self)(Tables(simplices, postings, number))
+        table = self._claimed()
+        before = table.n_facets
+        try:
+            scans = Ragged.of([sorted(map(table.number, simplex)) for simplex in seen])
+            self._engine.insert(table, scans)
+            if table.n_facets == before:
+                return self
+            grown = type(self)(self._engine, table)
+        finally:
+            table.release()
+        if table.is_wasteful:
+            grown = type(self)(self._engine, FacetTable.holding(grown._version, table.names))
+        return grown
+
+    def _claimed(self) -> FacetTable:
+        """Return a table to append to: this one, or a copy when somebody else appends to it."""
+        if self._table.claim(self._version):
+            return self._table
+        copy = FacetTable.holding(self._version, self._table.names)
+        copy.claim(copy.version())
+        return copy
+
+    def run_by(self, engine: Engine) -> Self:
+        """Return the same complex, run by another engine.
+
+        Parameters
+        ----------
+        engine : Engine
+            What runs the hot loops from now on.
+
+        Returns
+        -------
+        LandmarkComplex
+            Equal to this one.
+        """
+        if engine is self._engine:
+            return self
+        same = type(self)(engine, self._table)
+        same._version = self._version
+        return same
 
     def __or__(self, other: "LandmarkComplex") -> Self:
         """Return the union: the complex of the observations of both."""
         if not isinstance(other, LandmarkComplex):
             return NotImplemented
-        return self.with_observations(other._simplices.values())
+        return self.with_observations(other.facets)
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, LandmarkComplex):
@@ -135,20 +165,41 @@ class LandmarkComplex:
     def __contains__(self, simplex: Iterable[str]) -> bool:
         """Tell whether a set of landmarks is a simplex; the empty set is none."""
         wanted = observation(simplex)
-        return bool(wanted) and _is_face(wanted, self._simplices, self._postings)
+        numbers = self._numbers(wanted)
+        if not wanted or len(numbers) < len(wanted):
+            return False
+        _, shared = np.unique(self._version.posting_lists(numbers).values, return_counts=True)
+        return bool(np.any(shared == len(numbers)))
 
     def __repr__(self) -> str:
-        return f"<LandmarkComplex: {len(self._postings)} landmarks, {len(self._simplices)} facets>"
+        return f"<LandmarkComplex: {self.n_landmarks} landmarks, {self.n_facets} facets>"
 
     @property
     def facets(self) -> frozenset[Simplex]:
         """The maximal simplices."""
-        return frozenset(self._simplices.values())
+        return frozenset(map(frozenset, self._named_facets()))
 
     @property
     def landmarks(self) -> frozenset[str]:
         """The vertices: all landmarks that were ever observed."""
-        return frozenset(self._postings)
+        return frozenset(self._table.names[: self.n_landmarks])
+
+    @property
+    def n_facets(self) -> int:
+        """The number of maximal simplices."""
+        return len(self._version.live())
+
+    @property
+    def n_landmarks(self) -> int:
+        """The number of vertices."""
+        return self._version.n_landmarks
+
+    @property
+    def n_bytes(self) -> int:
+        """The bytes that the tables take, names of landmarks not counted."""
+        return sum(
+            array.nbytes for array in (*self._version[:5], self._table.used, self._table.tally)
+        )
 
     def digest(self) -> str:
         """Return a canonical hash: equal for equal complexes, in any process.
@@ -158,7 +209,7 @@ class LandmarkComplex:
         str
             SHA-256 of the facets in lexicographic order, hexadecimal.
         """
-        ordered = sorted(sorted(simplex) for simplex in self._simplices.values())
+        ordered = sorted(map(sorted, self._named_facets()))
         text = json.dumps(ordered, ensure_ascii=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()
 
@@ -188,10 +239,9 @@ class LandmarkComplex:
             message = f"max_degree must not be negative, not {max_degree}"
             raise InvalidComplexError(message, "max_degree")
         if max_degree > 1:
-            return chains.betti_numbers(self._simplices.values(), max_degree)
-        rows = self._dual_rows(self._landmarks_by_nearness())
-        (stage,) = homology.history(rows, [len(rows)])
-        return stage.betti[: max_degree + 1]
+            return chains.betti_numbers(self.facets, max_degree)
+        rows = neighborhood.dual_rows(self._version, neighborhood.nearness_order(self._version))
+        return self._engine.history(rows, [self.n_landmarks]).betti(0)[: max_degree + 1]
 
     def euler_characteristic(self, *, max_terms: int = 100_000) -> int:
         """Return the Euler characteristic without listing faces.
@@ -211,10 +261,12 @@ class LandmarkComplex:
         ComputationLimitError
             If the complex is too dense for the effort allowed.
         """
-        return euler.euler_characteristic(self._dual_rows(self._postings), max_terms=max_terms)
+        landmarks = np.arange(self.n_landmarks, dtype=np.int32)
+        rows = bit_masks(neighborhood.dual_rows(self._version, landmarks))
+        return euler.euler_characteristic(rows, max_terms=max_terms)
 
-    def hop_balls(self, visible: Iterable[str], radii: Iterable[int]) -> list[frozenset[str]]:
-        """Return the landmarks within some numbers of hops of a visible set.
+    def sense(self, visible: Iterable[str], radii: Iterable[int]) -> Neighborhoods:
+        """Return the hop neighborhoods of a visible set with their homology, in one pass.
 
         Parameters
         ----------
@@ -226,48 +278,54 @@ class LandmarkComplex:
 
         Returns
         -------
-        list of frozenset of str
-            One ball for each radius.
+        Neighborhoods
+            One for each radius; `names` tells which landmarks are meant.
 
         Raises
         ------
         InvalidComplexError
             If a radius is negative or the radii decrease.
         """
-        wanted = list(radii)
-        if any(later < earlier for earlier, later in zip([0, *wanted], wanted, strict=False)):
-            message = f"hops must be non-negative and rising, not {wanted}"
-            raise InvalidComplexError(message, "hops")
-        rings = self._rings(observation(visible) & self._postings.keys())
-        ball: set[str] = set(next(rings))
-        balls: list[frozenset[str]] = []
-        hops = 0
-        for radius in wanted:
-            while hops < radius:
-                ball |= next(rings, frozenset())
-                hops += 1
-            balls.append(frozenset(ball))
-        return balls
+        wanted = neighborhood.rising(radii)
+        seeds = self._numbers(observation(visible))
+        return self._engine.sense(self._table, self._version, seeds, wanted)
 
-    def homology_of_balls(self, balls: Iterable[Iterable[str]]) -> list[homology.Stage]:
-        """Return the homology of the full subcomplexes on growing sets of landmarks, in one pass.
+    def names(self, numbers: Numbers) -> frozenset[str]:
+        """Return the identifiers of some landmarks.
 
         Parameters
         ----------
-        balls : iterable of iterable of str
-            Sets of landmarks of this complex, each inside the next, as `hop_balls` returns them.
+        numbers : ndarray, int32
+            Numbers, as `sense` returns them.
 
         Returns
         -------
-        list of Stage
-            One for each set, with the barcode of their inclusions.
+        frozenset of str
+            Identifiers.
         """
-        order: dict[str, None] = {}
-        ends: list[int] = []
-        for ball in balls:
-            order.update(dict.fromkeys(sorted(set(ball) - order.keys())))
-            ends.append(len(order))
-        return homology.history(self._dual_rows(order), ends)
+        names = self._table.names
+        return frozenset([names[number] for number in numbers.tolist()])
+
+    def agrees_on(self, earlier: "LandmarkComplex", numbers: Numbers) -> bool:
+        """Tell whether nothing has changed at some landmarks since an earlier version.
+
+        Parameters
+        ----------
+        earlier : LandmarkComplex
+            The version that `numbers` belong to.
+        numbers : ndarray, int32
+            Numbers of landmarks, as `sense` returns them.
+
+        Returns
+        -------
+        bool
+            True when every facet through them is the same in both; False also when that cannot be
+            told cheaply, because the facets were copied in between.
+        """
+        if self._table is not earlier._table:
+            return False
+        before, now = earlier._version.n_facets, self._version
+        return before == now.n_facets or now.last_change(numbers) < before
 
     def cycles(self) -> list[tuple[str, ...]]:
         """Return a short closed walk round each hole.
@@ -284,9 +342,7 @@ class LandmarkComplex:
         >>> k.cycles()
         [('c', 'b', 'a')]
         """
-        landmarks = self._landmarks_by_nearness()
-        walks = cycles.shortest_cycles(self._dual_rows(landmarks))
-        return [tuple(landmarks[index] for index in walk.simplices) for walk in walks]
+        return cycles.round_holes(self._named_facets())
 
     def induced(self, landmarks: Iterable[str]) -> Self:
         """Return the full subcomplex on some landmarks.
@@ -304,90 +360,39 @@ class LandmarkComplex:
         LandmarkComplex
             All simplices whose landmarks lie in the set.
         """
-        kept = observation(landmarks)
-        touched = {number for landmark in kept for number in self._postings.get(landmark, ())}
-        return type(self).from_observations(
-            self._simplices[number] & kept for number in sorted(touched)
-        )
+        kept = self._numbers(observation(landmarks))
+        touched = np.unique(self._version.posting_lists(kept).values)
+        inside = np.zeros(self.n_landmarks, np.bool_)
+        inside[kept] = True
+        names = self._table.names
+        rows = self._version.rows(touched).lists()
+        shared = [[names[number] for number in row if inside[number]] for row in rows]
+        return type(self).from_observations(shared, self._engine)
 
-    def skeleton(self) -> "nx.Graph[str]":
-        """Return the 1-skeleton: landmarks joined when seen together.
+    def neighbors(self, landmark: str) -> frozenset[str]:
+        """Return the landmarks that were seen together with one.
 
-        Returns
-        -------
-        networkx.Graph
-            Vertices and edges in sorted order.
-        """
-        graph: nx.Graph[str] = nx.Graph()
-        graph.add_nodes_from(sorted(self._postings))
-        for landmark in sorted(self._postings):
-            later = sorted(other for other in self._neighbors(landmark) if other > landmark)
-            graph.add_edges_from((landmark, other) for other in later)
-        return graph
-
-    def n_edges(self) -> int:
-        """Return the number of edges of the 1-skeleton.
+        Parameters
+        ----------
+        landmark : str
+            A vertex.
 
         Returns
         -------
-        int
-            Pairs of landmarks that were seen together.
+        frozenset of str
+            Its neighbors in the 1-skeleton.
         """
-        ends = sum(len(self._neighbors(landmark)) for landmark in self._postings)
-        return ends // 2
+        seeds = self._numbers([landmark])
+        near, _ = neighborhood.hop_order(self._version, seeds, [1])
+        return self.names(near) - {landmark}
 
-    def _neighbors(self, landmark: str) -> frozenset[str]:
-        around: frozenset[str] = frozenset()
-        return around.union(*(self._simplices[n] for n in self._postings[landmark])) - {landmark}
+    def _numbers(self, names: Iterable[str]) -> Numbers:
+        """Return the numbers of the landmarks that this version knows."""
+        known, count = self._table.numbers, self.n_landmarks
+        numbers = [known.get(name, count) for name in names]
+        return np.array([number for number in numbers if number < count], np.int32)
 
-    def _rings(self, start: Simplex) -> Iterator[Simplex]:
-        """Yield the landmarks at 0, 1, 2... hops; each facet is expanded once."""
-        reached: set[str] = set(start)
-        expanded: set[int] = set()
-        ring = start
-        while ring:
-            yield ring
-            entered = {n for landmark in ring for n in self._postings[landmark]} - expanded
-            expanded |= entered
-            found = frozenset().union(*(self._simplices[n] for n in entered))
-            ring = found - reached
-            reached |= ring
-        yield ring
-
-    def _landmarks_by_nearness(self) -> list[str]:
-        """Return all landmarks so that neighbors stand close, which the engine likes."""
-        order: dict[str, None] = {}
-        for landmark in sorted(self._postings):
-            if landmark not in order:
-                for ring in self._rings(frozenset({landmark})):
-                    order.update(dict.fromkeys(sorted(ring)))
-        return list(order)
-
-    def _dual_rows(self, landmarks: Iterable[str]) -> list[int]:
-        """Return posting lists as bit masks over the facets that these landmarks touch."""
-        position: dict[int, int] = {}
-        rows: list[int] = []
-        for landmark in landmarks:
-            row = 0
-            for number in sorted(self._postings[landmark]):
-                row |= 1 << position.setdefault(number, len(position))
-            rows.append(row)
-        return rows
-
-
-def _is_face(
-    simplex: Simplex,
-    simplices: Mapping[int, Simplex],
-    postings: Mapping[str, frozenset[int]],
-) -> bool:
-    rarest = min((postings.get(landmark, frozenset()) for landmark in simplex), key=len)
-    return any(simplex <= simplices[number] for number in rarest)
-
-
-def _facets_inside(
-    simplex: Simplex,
-    simplices: Mapping[int, Simplex],
-    postings: Mapping[str, frozenset[int]],
-) -> list[int]:
-    touched = set().union(*(postings.get(landmark, ()) for landmark in simplex))
-    return [number for number in touched if simplices[number] <= simplex]
+    def _named_facets(self) -> Iterator[list[str]]:
+        names = self._table.names
+        for row in self._version.rows(self._version.live()).lists():
+            yield [names[number] for number in row]

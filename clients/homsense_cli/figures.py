@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from shapely.geometry import Polygon
 
 import homsense
+from homsense.skeleton import skeleton
 
 FloatArray = NDArray[np.float64]
 
@@ -146,11 +147,11 @@ def coordinate_free_layout(grown: homsense.LandmarkComplex) -> dict[str, FloatAr
     dict of str to ndarray, shape (2,), float64
         Classical scaling of the hop distances, then stress majorization.
     """
-    skeleton = grown.skeleton()
-    if not skeleton:
+    graph = skeleton(grown)
+    if not graph:
         return {}
-    hops = dict(nx.all_pairs_shortest_path_length(skeleton))
-    names = sorted(skeleton)
+    hops = dict(nx.all_pairs_shortest_path_length(graph))
+    names = sorted(graph)
     farthest = max(max(reached.values()) for reached in hops.values()) + 2.0
     distance = np.array([[float(hops[a].get(b, farthest)) for b in names] for a in names])
     places = _classical_scaling(distance)
@@ -251,7 +252,7 @@ def _draw_complex(
 ) -> None:
     hulls = [_hull([layout[name] for name in facet]) for facet in grown.facets if len(facet) > 2]  # noqa: PLR2004
     ax.add_collection(PolyCollection(hulls, facecolor="#9aa7b8", alpha=0.12, linewidth=0))
-    edges = [(layout[a], layout[b]) for a, b in grown.skeleton().edges]
+    edges = [(layout[a], layout[b]) for a, b in skeleton(grown).edges]
     ax.add_collection(LineCollection(edges, colors="#7d8794", linewidths=0.25, alpha=0.7))
     for name, place in layout.items():
         marker, size = ("s", 16) if name in visible else ("o", 6)

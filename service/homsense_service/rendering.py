@@ -12,6 +12,7 @@ from shapely.geometry import mapping
 from shapely.geometry.base import BaseGeometry
 
 import homsense
+from homsense.skeleton import n_edges, skeleton
 from homsense_service import schemas
 from homsense_service.sessions import Fix, Session
 from homsense_service.sites import ComplexVersion, MapVersion, Site
@@ -28,7 +29,7 @@ def render_site(site: Site) -> schemas.SiteOut:
         config=schemas.SiteIn.from_config(site.config),
         map_version=None if site.map is None else site.map.digest,
         observations=site.complex.number,
-        landmarks=len(site.complex.landmark_complex.landmarks),
+        landmarks=site.complex.landmark_complex.n_landmarks,
     )
 
 
@@ -54,9 +55,9 @@ def render_complex(version: ComplexVersion) -> schemas.ComplexOut:
         digest=grown.digest(),
         observations=version.number,
         devices=len(version.devices),
-        landmarks=len(grown.landmarks),
-        facets=len(grown.facets),
-        edges=grown.n_edges(),
+        landmarks=grown.n_landmarks,
+        facets=grown.n_facets,
+        edges=n_edges(grown),
         betti=list(grown.betti_numbers()),
         euler=_euler(grown),
     )
@@ -85,7 +86,7 @@ def render_hif(grown: homsense.LandmarkComplex) -> dict[str, Any]:
 
 def render_node_link(grown: homsense.LandmarkComplex) -> dict[str, Any]:
     """Return the 1-skeleton as node-link data."""
-    data: dict[str, Any] = nx.node_link_data(grown.skeleton(), edges="edges")
+    data: dict[str, Any] = nx.node_link_data(skeleton(grown), edges="edges")
     return data
 
 

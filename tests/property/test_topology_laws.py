@@ -1,6 +1,7 @@
 """Laws of the landmark complex and its homology."""
 
 import random
+from collections.abc import Iterable
 
 import pytest
 from hypothesis import given
@@ -16,8 +17,14 @@ from homsense import (
     observation_complex,
     sense_local_homology,
 )
+from homsense.skeleton import n_edges, skeleton
 
 Observations = list[frozenset[str]]
+
+
+def _balls(k: LandmarkComplex, visible: Iterable[str], radii: list[int]) -> list[frozenset[str]]:
+    order, ends, _ = k.sense(visible, radii)
+    return [k.names(order[:end]) for end in ends]
 
 
 @given(SMALL_OBSERVATIONS, st.integers(1, 3))
@@ -139,7 +146,7 @@ def test_hop_balls_follow_shortest_paths(
     observations: Observations, visible: frozenset[str], hops: list[int]
 ) -> None:
     k = LandmarkComplex.from_observations(observations)
-    for radius, ball in zip(sorted(hops), k.hop_balls(visible, sorted(hops)), strict=True):
+    for radius, ball in zip(sorted(hops), _balls(k, visible, sorted(hops)), strict=True):
         assert ball == hop_ball(observations, set(visible), radius)
 
 
@@ -173,19 +180,20 @@ def test_lasting_holes_are_the_rank_of_the_inclusion(
 ) -> None:
     k = LandmarkComplex.from_observations(observations)
     (level,) = sense_local_homology(k, visible, [radius], lasting=True)
-    near, far = k.hop_balls(visible, [radius, radius + 1])
+    near, far = _balls(k, visible, [radius, radius + 1])
     assert level.lasting == gudhi_rank(k.induced(near).facets, k.induced(far).facets)
 
 
 @given(OBSERVATIONS, HOPS)
 def test_the_barcode_of_hops_is_that_of_gudhi(observations: Observations, hops: list[int]) -> None:
     k = LandmarkComplex.from_observations(observations)
-    balls = k.hop_balls(sorted(k.landmarks)[:1], sorted(hops))
-    stages = k.homology_of_balls(balls)
+    start = sorted(k.landmarks)[:1]
+    balls, stages = _balls(k, start, sorted(hops)), k.sense(start, sorted(hops)).homology
     for here, near in enumerate(balls):
         for farther in range(here, len(balls)):
-            rank = sum(born <= here for born in stages[farther].born_at)
-            assert rank == gudhi_rank(k.induced(near).facets, k.induced(balls[farther]).facets)
+            assert stages.rank(here, farther) == gudhi_rank(
+                k.induced(near).facets, k.induced(balls[farther]).facets
+            )
 
 
 @given(OBSERVATIONS)
@@ -195,15 +203,15 @@ def test_relabelling_changes_no_count(observations: Observations) -> None:
     other = LandmarkComplex.from_observations(renamed)
     assert one.betti_numbers() == other.betti_numbers()
     assert one.euler_characteristic() == other.euler_characteristic()
-    assert one.n_edges() == other.n_edges()
+    assert n_edges(one) == n_edges(other)
 
 
 @given(OBSERVATIONS)
 def test_the_skeleton_holds_vertices_and_edges(observations: Observations) -> None:
     k = LandmarkComplex.from_observations(observations)
-    graph = k.skeleton()
+    graph = skeleton(k)
     assert set(graph) == k.landmarks
     assert {frozenset(edge) for edge in graph.edges} == {
         face for face in all_faces(observations) if len(face) == 2
     }
-    assert graph.number_of_edges() == k.n_edges()
+    assert graph.number_of_edges() == n_edges(k)

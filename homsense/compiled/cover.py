@@ -1,0 +1,175 @@
+"""The overlap of a row with the rows before it, covered by connected pieces."""
+
+from homsense.compiled.bit_strings import (
+    NONE,
+    ZERO,
+    BitStrings,
+    Ints,
+    count_bits,
+    lowest_bit,
+    without_lowest,
+)
+from homsense.compiled.glue import (
+    FIRST,
+    N_ACTIVE,
+    N_MET,
+    N_PIECES,
+    N_SLOTS,
+    Glue,
+    adopt,
+    difference,
+    meet,
+    slot_of,
+)
+from homsense.compiled.jit import inlined
+from homsense.compiled.labels import FULL, Labels, plane_of
+
+
+@inlined
+def cover(glue: Glue, labels: Labels, rows: BitStrings, through: BitStrings, last: Ints) -> None:
+    """Cover the overlap by connected pieces, and carry the labels over each of them.
+
+    Parameters
+    ----------
+    glue : Glue
+        Holds the overlap; gets planes and pieces.
+    labels : Labels
+        Of the rows before.
+    rows, through : BitStrings
+        The relation both ways.
+    last : ndarray, int64
+        Rows added last.
+    """
+    n_active = glue.counts[N_ACTIVE]
+    for place in range(n_active):
+        glue.uncovered[place] = glue.shared[place]
+    glue.counts[N_SLOTS] = glue.counts[N_PIECES] = 0
+    glue.counts[FIRST] = begin = _best_overlap(glue, rows, last)
+    while True:
+        if begin == NONE:
+            place = 0
+            while not glue.uncovered[place]:
+                place += 1
+            point = (glue.active[place] << 6) + lowest_bit(glue.uncovered[place])
+            word = through.low[point]
+            while not through.words[through.at[point] + word] & glue.added[word]:
+                word += 1
+            begin = (word << 6) + lowest_bit(
+                through.words[through.at[point] + word] & glue.added[word]
+            )
+            if glue.counts[FIRST] == NONE:
+                glue.counts[FIRST] = begin
+        if glue.counts[N_PIECES] == glue.room:
+            labels.counts[FULL] = 1
+            return
+        _start_piece(glue, labels, rows, begin)
+        _grow_piece(glue, labels, rows, through)
+        glue.roots[glue.counts[N_PIECES]] = begin
+        glue.counts[N_PIECES] += 1
+        begin, some = NONE, ZERO
+        for place in range(n_active):
+            some |= glue.uncovered[place]
+        if not some or labels.counts[FULL]:
+            return
+
+
+@inlined
+def _best_overlap(glue: Glue, rows: BitStrings, last: Ints) -> int:
+    best, first, total = 0, NONE, 0
+    for place in range(glue.counts[N_ACTIVE]):
+        total += count_bits(glue.shared[place])
+    for other in last:
+        if other != NONE and best < total:
+            overlap, at = 0, rows.at[other]
+            for place in range(glue.counts[N_ACTIVE]):
+                word = glue.active[place]
+                if rows.low[other] <= word < rows.high[other]:
+                    overlap += count_bits(glue.shared[place] & rows.words[at + word])
+            if overlap > best:
+                best, first = overlap, other
+    return first
+
+
+@inlined
+def _start_piece(glue: Glue, labels: Labels, rows: BitStrings, other: int) -> None:
+    """Let a piece begin with what another row shares."""
+    piece = glue.counts[N_PIECES] * glue.widest
+    for place in range(glue.counts[N_ACTIVE]):
+        glue.pieces[piece + place] = ZERO
+    meet(glue, rows, other)
+    for index in range(glue.counts[N_MET]):
+        glue.pieces[piece + glue.met[index]] = glue.meeting[index]
+        glue.uncovered[glue.met[index]] &= ~glue.meeting[index]
+    adopt(glue, labels, other)
+    plane = labels.first[other]
+    while plane != NONE and not labels.counts[FULL]:
+        at = slot_of(glue, labels.generator[plane]) * glue.widest
+        for index in range(glue.counts[N_MET]):
+            place = glue.met[index]
+            glue.planes[at + place] |= (
+                glue.meeting[index] & (labels.words[labels.at[plane] + glue.active[place]])
+            )
+        plane = labels.next_of_row[plane]
+
+
+@inlined
+def _grow_piece(glue: Glue, labels: Labels, rows: BitStrings, through: BitStrings) -> None:
+    """Add to a piece what rows share that meet it, until there are no more."""
+    growing = True
+    while growing:
+        growing = False
+        for place in range(glue.counts[N_ACTIVE]):
+            left = glue.uncovered[place]
+            while left:
+                point = (glue.active[place] << 6) + lowest_bit(left)
+                left = without_lowest(left)
+                at = through.at[point]
+                met = NONE
+                for word in range(through.low[point], through.high[point]):
+                    others = through.words[at + word] & glue.added[word]
+                    while others and met == NONE:
+                        other = (word << 6) + lowest_bit(others)
+                        others = without_lowest(others)
+                        met = _touching_point(glue, rows, other)
+                    if met != NONE:
+                        break
+                if met != NONE:
+                    _carry(glue, labels, rows, other, met)
+                    left &= glue.uncovered[place]
+                    growing = True
+
+
+@inlined
+def _touching_point(glue: Glue, rows: BitStrings, other: int) -> int:
+    """Return a point of the growing piece that another row holds, or `NONE`."""
+    piece, at = glue.counts[N_PIECES] * glue.widest, rows.at[other]
+    for place in range(glue.counts[N_ACTIVE]):
+        word = glue.active[place]
+        if rows.low[other] <= word < rows.high[other]:
+            meeting = rows.words[at + word] & glue.pieces[piece + place]
+            if meeting:
+                return (word << 6) + lowest_bit(meeting)
+    return NONE
+
+
+@inlined
+def _carry(glue: Glue, labels: Labels, rows: BitStrings, other: int, point: int) -> None:
+    """Extend piece and planes to another row so that the planes agree with its at one point."""
+    piece, widest = glue.counts[N_PIECES] * glue.widest, glue.widest
+    meet(glue, rows, other)
+    for index in range(glue.counts[N_MET]):
+        place = glue.met[index]
+        fresh = glue.meeting[index] & ~glue.pieces[piece + place]
+        glue.meeting[index] = fresh
+        glue.pieces[piece + place] |= fresh
+        glue.uncovered[place] &= ~fresh
+    adopt(glue, labels, other)
+    for slot in range(glue.counts[N_SLOTS]):
+        flips = ZERO - difference(glue, labels, other, slot, point)
+        plane = plane_of(labels, other, glue.generator[slot])
+        for index in range(glue.counts[N_MET]):
+            place = glue.met[index]
+            carried = flips
+            if plane != NONE:
+                carried ^= labels.words[labels.at[plane] + glue.active[place]]
+            glue.planes[slot * widest + place] |= glue.meeting[index] & carried

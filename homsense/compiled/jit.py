@@ -1,0 +1,80 @@
+"""How the kernels are compiled.
+
+Two costs decide. A function that may allocate counts references to every array that it takes
+from a tuple, which is far more than the work of a short loop; so `inlined` and `apart` must not
+allocate. And a call passes each array as seven words; so what is called often is `inlined`.
+"""
+
+from collections.abc import Callable
+from typing import Any, TypeVar, cast
+
+import numba
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+def inlined(function: Function) -> Function:
+    """Compile what is called often; it becomes a part of its caller and must not allocate.
+
+    Parameters
+    ----------
+    function : callable
+        In numba's subset of Python.
+
+    Returns
+    -------
+    callable
+        The same.
+    """
+    return cast("Function", numba.njit(_nrt=False, forceinline=True)(function))  # type: ignore[call-overload]
+
+
+def apart(function: Function) -> Function:
+    """Compile what is called seldom; it must not allocate.
+
+    Parameters
+    ----------
+    function : callable
+        In numba's subset of Python.
+
+    Returns
+    -------
+    callable
+        The same.
+    """
+    return cast("Function", numba.njit(_nrt=False)(function))  # type: ignore[call-overload]
+
+
+def allocating(function: Function) -> Function:
+    """Compile what makes arrays.
+
+    Parameters
+    ----------
+    function : callable
+        In numba's subset of Python.
+
+    Returns
+    -------
+    callable
+        The same.
+    """
+    return cast("Function", numba.njit(function))
+
+
+def kept(function: Function) -> Function:
+    """Compile what Python calls, and keep the result on disk where numba finds a place for it.
+
+    Parameters
+    ----------
+    function : callable
+        In numba's subset of Python.
+
+    Returns
+    -------
+    callable
+        The same.
+    """
+    try:
+        return cast("Function", numba.njit(cache=True)(function))
+    except RuntimeError:
+        return allocating(function)

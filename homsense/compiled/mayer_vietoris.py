@@ -1,0 +1,133 @@
+"""Row-by-row Mayer-Vietoris, compiled; `homsense.homology` is the reference and explains it.
+
+There is no limit to the generators: when a table is full, `history` starts again with larger
+ones.
+"""
+
+import numpy as np
+
+from homsense.compiled.bit_strings import NONE, ONE, BitStrings, Ints, bit_strings, transposed
+from homsense.compiled.collapse import collapse
+from homsense.compiled.cover import cover
+from homsense.compiled.glue import N_ACTIVE, N_PIECES, N_SLOTS, Glue, no_glue
+from homsense.compiled.jit import allocating, apart, inlined
+from homsense.compiled.labels import FULL, N_GENERATORS, Labels, no_labels
+from homsense.compiled.relations import bear, check, keep
+
+_RECENT = 8
+_WORTH_A_COLLAPSE = 256
+
+
+@allocating
+def history(
+    ends: Ints, points: Ints, n_points: int, n_whole: int, stages: Ints
+) -> tuple[Ints, Ints]:
+    """Return b0 of each stage, and the classes born in stage i that live in stage j.
+
+    Parameters
+    ----------
+    ends, points : ndarray, int64 and int32
+        Rows in the form of `Ragged`.
+    n_points, n_whole : int
+        All points lie below the first; those below the second are known not to be dominated.
+    stages : ndarray, int64
+        How many rows each stage has, not falling.
+
+    Returns
+    -------
+    components : ndarray, shape (n_stages,), int64
+        b0.
+    bars : ndarray, shape (n_stages, n_stages), int64
+        As in `homsense.history.History`.
+    """
+    rows, through = bit_strings(ends, points, n_points), transposed(ends, points, n_points)
+    if len(ends) > _WORTH_A_COLLAPSE:
+        collapse(rows, through, n_whole, stages)
+    widest = 1
+    for row in range(len(ends) - 1):
+        widest = max(widest, rows.high[row] - rows.low[row])
+    components = np.empty(len(stages), np.int64)
+    room = 32
+    while True:
+        labels = no_labels(len(ends) - 1, widest, room)
+        glue = no_glue(len(ends) - 1, widest, room)
+        seen = np.zeros((n_points >> 6) + 1, np.uint64)
+        parent = np.arange(len(ends) - 1)
+        last = np.full(_RECENT, NONE, np.int64)
+        _add_rows(rows, through, labels, glue, seen, parent, last, stages, components)
+        if not labels.counts[FULL]:
+            return components, _bars(labels, stages)
+        room *= 4
+
+
+@allocating
+def _bars(labels: Labels, stages: Ints) -> Ints:
+    bars = np.zeros((len(stages), len(stages)), np.int64)
+    for generator in range(labels.counts[N_GENERATORS]):
+        born = 0
+        while stages[born] <= labels.births[generator]:
+            born += 1
+        for stage in range(born, len(stages)):
+            if labels.deaths[generator] >= stages[stage]:
+                bars[born, stage] += 1
+    return bars
+
+
+@apart
+def _add_rows(
+    rows: BitStrings,
+    through: BitStrings,
+    labels: Labels,
+    glue: Glue,
+    seen: Ints,
+    parent: Ints,
+    last: Ints,
+    stages: Ints,
+    components: Ints,
+) -> None:
+    """Add row by row until the last stage is reached or a table is full."""
+    total = len(rows.low)
+    added = n_components = stage = 0
+    for row in range(total + 1):
+        while stage < len(stages) and stages[stage] == row:
+            components[stage] = n_components
+            stage += 1
+        if stage == len(stages):
+            return
+        if not rows.size[row]:
+            continue
+        n_active = 0
+        for word in range(rows.low[row], rows.high[row]):
+            here = rows.words[rows.at[row] + word]
+            if here & seen[word]:
+                glue.active[n_active] = word
+                glue.shared[n_active] = here & seen[word]
+                n_active += 1
+            seen[word] |= here
+        glue.counts[N_ACTIVE] = n_active
+        n_components += 1
+        if n_active:
+            cover(glue, labels, rows, through, last)
+            check(glue, labels, rows, through, row)
+            for piece in range(glue.counts[N_PIECES]):
+                root = _root(parent, glue.roots[piece])
+                if root == row:
+                    bear(glue, labels, row, piece)
+                else:
+                    parent[root] = row
+                    n_components -= 1
+            if glue.counts[N_SLOTS]:
+                keep(glue, labels, rows, row)
+            if labels.counts[FULL]:
+                return
+        last[added % _RECENT] = row
+        added += 1
+        glue.added[row >> 6] |= ONE << np.uint64(row & 63)
+
+
+@inlined
+def _root(parent: Ints, row: int) -> int:
+    while parent[row] != row:
+        parent[row] = parent[parent[row]]
+        row = parent[row]
+    return row

@@ -1,0 +1,176 @@
+"""From a visible set to the homology of its neighborhoods, compiled.
+
+What was met is marked with the number of the query, so nothing is ever cleared and the cost
+follows the neighborhood, not the site.
+"""
+
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homsense.compiled.jit import allocating, apart
+from homsense.compiled.mayer_vietoris import history
+from homsense.facet_table import Version
+
+Ints = NDArray[Any]
+
+
+class Workspace(NamedTuple):
+    """Marks for one query at a time.
+
+    Parameters
+    ----------
+    landmark_mark : ndarray, int32
+        The query that met a landmark.
+    facet_mark, facet_point : ndarray, int32
+        The query that met a facet, and the number that it got there.
+    order, row_ends : ndarray, int32 and int64
+        Landmarks as they are met; where their rows end.
+    counts : ndarray, shape (2,), int64
+        Queries so far; room for the points of one.
+    """
+
+    landmark_mark: Ints
+    facet_mark: Ints
+    facet_point: Ints
+    order: Ints
+    row_ends: Ints
+    counts: Ints
+
+    @classmethod
+    def of(cls, version: Version) -> Self:
+        """Return room for a version and somewhat larger ones.
+
+        Parameters
+        ----------
+        version : Version
+            The complex.
+
+        Returns
+        -------
+        Workspace
+            Fresh marks.
+        """
+        landmarks, facets = version.n_landmarks * 5 // 4 + 16, version.n_facets * 5 // 4 + 16
+        return cls(
+            np.zeros(landmarks, np.int32),
+            np.zeros(facets, np.int32),
+            np.zeros(facets, np.int32),
+            np.zeros(landmarks, np.int32),
+            np.zeros(landmarks + 1, np.int64),
+            np.array([0, 4096]),
+        )
+
+    def suffices(self, version: Version) -> bool:
+        """Tell whether a version fits.
+
+        Parameters
+        ----------
+        version : Version
+            The complex.
+
+        Returns
+        -------
+        bool
+            False when it has grown too large, or the numbers of queries run out.
+        """
+        return (
+            version.n_landmarks <= len(self.landmark_mark)
+            and version.n_facets <= len(self.facet_mark)
+            and int(self.counts[0]) < np.iinfo(np.int32).max
+        )
+
+
+@allocating
+def sense(
+    version: Version, seeds: Ints, radii: Ints, workspace: Workspace
+) -> tuple[Ints, Ints, Ints, Ints]:
+    """Return the landmarks by nearness, the end of each neighborhood, and their homology.
+
+    Parameters
+    ----------
+    version : Version
+        The complex.
+    seeds : ndarray, int32
+        Landmark numbers at 0 hops, distinct.
+    radii : ndarray, int64
+        Hops, rising.
+    workspace : Workspace
+        Marks.
+
+    Returns
+    -------
+    order : ndarray, int32
+        Landmark numbers.
+    ends : ndarray, int64
+        How many of them each neighborhood holds.
+    components, bars : ndarray, int64
+        As `homsense.compiled.mayer_vietoris.history` returns them.
+    """
+    ends = np.empty(len(radii), np.int64)
+    while True:
+        points = np.empty(workspace.counts[1], np.int32)
+        n_points, n_whole = _search(version, seeds, radii, workspace, ends, points)
+        if n_points >= 0:
+            break
+        workspace.counts[1] *= 2
+    found = ends[-1]
+    order, row_ends = workspace.order[:found].copy(), workspace.row_ends[: found + 1]
+    components, bars = history(row_ends, points, n_points, n_whole, ends)
+    return order, ends, components, bars
+
+
+@apart
+def _search(
+    version: Version, seeds: Ints, radii: Ints, workspace: Workspace, ends: Ints, points: Ints
+) -> tuple[int, int]:
+    """Search hop by hop; the posting list of each landmark met is a row of the dual.
+
+    Return the number of facets met, which are the points of the rows, and how many of them lie in
+    the widest neighborhood as a whole, so that none of those is dominated; -1 when `points` is
+    too short.
+    """
+    workspace.counts[0] += 1
+    query, n_facets = workspace.counts[0], version.n_facets
+    found = n_points = n_whole = hops = place = size = 0
+    for landmark in seeds:
+        workspace.landmark_mark[landmark] = query
+        workspace.order[found] = landmark
+        found += 1
+    for stage in range(len(radii) + 1):
+        is_last = stage == len(radii)
+        while hops < radii[stage] if not is_last else place < found:
+            stop = found
+            while place < stop:
+                start = version.posting_start[workspace.order[place]]
+                if size + version.postings[start] > len(points):
+                    return -1, 0
+                at = start + 1
+                while version.postings[at] < n_facets:
+                    facet = version.postings[at]
+                    at += 1
+                    if version.swallowed_by[facet] < n_facets:
+                        continue
+                    if workspace.facet_mark[facet] != query:
+                        workspace.facet_mark[facet] = query
+                        workspace.facet_point[facet] = n_points
+                        n_points += 1
+                        if not is_last:
+                            for entry in range(
+                                version.row_start[facet], version.row_start[facet + 1]
+                            ):
+                                landmark = version.points[entry]
+                                if workspace.landmark_mark[landmark] != query:
+                                    workspace.landmark_mark[landmark] = query
+                                    workspace.order[found] = landmark
+                                    found += 1
+                    points[size] = workspace.facet_point[facet]
+                    size += 1
+                place += 1
+                workspace.row_ends[place] = size
+            hops += 1
+        if not is_last:
+            ends[stage] = found
+            n_whole = n_points
+    return n_points, n_whole
