@@ -27,7 +27,7 @@ from homsense.prior import GaussianPrior, HeadingPrior, PolygonPrior, Prior, Uni
 from homsense.range_check import RangePoint, choose_cut, range_curve
 from homsense.relation import VisibilityRelation
 from homsense.scan import Reading, visible_landmarks
-from homsense.sensing import LocalHomology, sense_local_homology
+from homsense.sensing import LocalHomology, sense_local_homology, sense_within
 from homsense.simplicial import LandmarkComplex
 from homsense.site_map import SiteMap
 
@@ -69,5 +69,6 @@ __all__ = [
     "observation_complex",
     "range_curve",
     "sense_local_homology",
+    "sense_within",
     "visible_landmarks",
 ]

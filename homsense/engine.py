@@ -5,6 +5,8 @@ from functools import cache
 from importlib import import_module
 from typing import NamedTuple
 
+import numpy as np
+
 from homsense import insertion, neighborhood
 from homsense.facet_table import FacetTable, Numbers, Ragged, Version
 from homsense.history import History, history
@@ -49,6 +51,23 @@ def compiled() -> Engine | None:
     except ImportError:
         return None
     return Engine("numba", kernels.insert, kernels.sense, kernels.history)
+
+
+def warmed() -> Engine:
+    """Return the compiled engine after it has compiled everything, which may take half a minute.
+
+    Returns
+    -------
+    Engine
+        The reference when numba is not installed.
+    """
+    engine = fastest()
+    table = FacetTable()
+    seeds = np.array([table.number("warm")], np.int32)
+    engine.insert(table, Ragged.of([[0]]))
+    engine.sense(table, table.version(), seeds, [0])
+    engine.history(Ragged.of([[0]]), [1])
+    return engine
 
 
 def fastest() -> Engine:

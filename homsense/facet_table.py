@@ -297,6 +297,12 @@ class FacetTable:
         idle = self.n_swallowed_points + self.n_postings - live - 2 * len(self.names)
         return idle > 2 * live + _SPARE
 
+    @property
+    def n_bytes(self) -> int:
+        """The bytes that the arrays take, names of landmarks not counted."""
+        arrays = (*self.version()[:5], self.used, self.tally)
+        return sum(array.nbytes for array in arrays)
+
     def number(self, name: str) -> int:
         """Return the number of a landmark, a new one when it was never named.
 

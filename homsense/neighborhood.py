@@ -1,14 +1,17 @@
 """From a visible set to its neighborhood: hop by hop the union of the facets that meet it."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from itertools import pairwise
-from typing import NamedTuple
+from heapq import heapify, heappop, heappush
+from typing import NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from homsense.errors import InvalidComplexError
 from homsense.facet_table import FacetTable, Numbers, Offsets, Ragged, Version
 from homsense.history import History, history
+
+Radius = TypeVar("Radius", int, float)
 
 
 class Neighborhoods(NamedTuple):
@@ -107,6 +110,52 @@ def hop_order(version: Version, seeds: Numbers, radii: Sequence[int]) -> tuple[N
     return np.concatenate([np.empty(0, np.int32), *found]), ends
 
 
+def metric_order(
+    version: Version, seeds: Numbers, radii_m: Sequence[float], range_m: NDArray[np.float64]
+) -> tuple[Numbers, Offsets]:
+    """Return the landmarks within some pseudo-distances, nearest first.
+
+    An edge is as long as the mean range of its two landmarks, so it is `s_max` when all ranges
+    are. Facets are entered in the order of the distance halfway across their first edge, so the
+    first way to a landmark is the shortest.
+
+    Parameters
+    ----------
+    version : Version
+        The complex.
+    seeds : ndarray, int32
+        Landmark numbers at distance 0, distinct.
+    radii_m : sequence of float
+        r_pseudo, metres, rising.
+    range_m : ndarray, shape (n_landmarks,), float64
+        Range of each landmark, metres, positive.
+
+    Returns
+    -------
+    order : ndarray, int32
+        Landmark numbers.
+    ends : ndarray, shape (len(radii_m),), int64
+        How many of them lie within each radius.
+    """
+    distance = dict.fromkeys(seeds.tolist(), 0.0)
+    entered: set[int] = set()
+    queue = [(float(range_m[seed]) / 2, seed) for seed in distance]
+    heapify(queue)
+    while queue:
+        halfway, landmark = heappop(queue)
+        through = version.posting_lists(np.array([landmark], np.int32)).values
+        fresh = [facet for facet in through.tolist() if facet not in entered]
+        entered.update(fresh)
+        for other in set(version.rows(np.array(fresh, np.int32)).values.tolist()):
+            there = halfway + float(range_m[other]) / 2
+            if other not in distance and there <= radii_m[-1]:
+                distance[other] = there
+                heappush(queue, (there + float(range_m[other]) / 2, other))
+    order = sorted(distance, key=lambda landmark: (distance[landmark], landmark))
+    ends = np.searchsorted([distance[landmark] for landmark in order], radii_m, "right")
+    return np.array(order, np.int32), ends
+
+
 def nearness_order(version: Version) -> Numbers:
     """Return all landmarks so that neighbors stand close, which the engine likes.
 
@@ -156,17 +205,17 @@ def _by_occurrence(values: Numbers) -> Numbers:
     return rank[inverse]
 
 
-def rising(radii: Iterable[int]) -> list[int]:
+def rising(radii: Iterable[Radius]) -> list[Radius]:
     """Return radii, refusing those that fall.
 
     Parameters
     ----------
-    radii : iterable of int
-        Hops.
+    radii : iterable of int or float
+        Hops or metres.
 
     Returns
     -------
-    list of int
+    list of int or float
         The same.
 
     Raises
@@ -174,8 +223,8 @@ def rising(radii: Iterable[int]) -> list[int]:
     InvalidComplexError
         If a radius is negative or the radii decrease.
     """
-    wanted = list(radii)
-    if any(later < earlier for earlier, later in pairwise([0, *wanted])):
-        message = f"hops must be non-negative and rising, not {wanted}"
-        raise InvalidComplexError(message, "hops")
+    wanted: list[Radius] = list(radii)
+    if not all(radius >= 0 for radius in wanted) or wanted != sorted(wanted):
+        message = f"radii (hops or metres) must be non-negative and rising, not {wanted}"
+        raise InvalidComplexError(message, "radii")
     return wanted

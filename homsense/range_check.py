@@ -11,7 +11,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from homsense.engine import fastest
+from homsense.engine import Engine, fastest
 from homsense.errors import ComputationLimitError, InvalidInputError
 from homsense.facet_table import Ragged
 from homsense.history import History
@@ -62,6 +62,7 @@ def range_curve(
     cuts_dbm: Sequence[float] | None = None,
     *,
     max_age_s: float | None = None,
+    engine: Engine | None = None,
 ) -> list[RangePoint]:
     """Return what the complex would be at each of some cuts.
 
@@ -73,6 +74,8 @@ def range_curve(
         Falling cuts, dBm; by default -45, -48 and so on down to the weakest reading.
     max_age_s : float, optional
         Oldest sighting that counts, seconds.
+    engine : Engine, optional
+        What runs the hot loops; the fastest by default.
 
     Returns
     -------
@@ -101,8 +104,8 @@ def range_curve(
         [visible_landmarks(scan, min_rssi_dbm=cut, max_age_s=max_age_s) for scan in heard]
         for cut in cuts_dbm
     ]
-    complexes = [LandmarkComplex.from_observations(observations) for observations in seen]
-    stages = _nested_homology(complexes)
+    complexes = [LandmarkComplex.from_observations(observations, engine) for observations in seen]
+    stages = _nested_homology(complexes, engine or fastest())
     return [
         RangePoint(
             cut,
@@ -142,7 +145,7 @@ def _default_cuts(heard: Iterable[Iterable[Reading]]) -> list[float]:
     return [STRONGEST_DBM - STEP_DB * step for step in range(steps + 1)]
 
 
-def _nested_homology(complexes: Sequence[LandmarkComplex]) -> History:
+def _nested_homology(complexes: Sequence[LandmarkComplex], engine: Engine) -> History:
     """Return the homology of complexes, each inside the next."""
     number: dict[str, int] = {}
     rows: list[list[int]] = []
@@ -151,7 +154,7 @@ def _nested_homology(complexes: Sequence[LandmarkComplex]) -> History:
         facets = sorted(map(sorted, grown.facets))
         rows += [[number.setdefault(name, len(number)) for name in facet] for facet in facets]
         ends.append(len(rows))
-    return fastest().history(Ragged.of(rows), ends)
+    return engine.history(Ragged.of(rows), ends)
 
 
 def _stable(stages: History, at: int) -> int:

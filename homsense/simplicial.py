@@ -6,16 +6,16 @@ file knows the names of the landmarks; below it they are numbers.
 
 import hashlib
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Self
 
 import numpy as np
 
-from homsense import chains, cycles, euler, neighborhood
+from homsense import chains, euler, neighborhood
 from homsense.engine import Engine, fastest
 from homsense.errors import InvalidComplexError
-from homsense.facet_table import FacetTable, Numbers, Ragged
-from homsense.history import bit_masks
+from homsense.facet_table import FacetTable, Numbers, Ragged, Version
+from homsense.history import History, bit_masks
 from homsense.neighborhood import Neighborhoods
 from homsense.scan import observation
 
@@ -165,7 +165,7 @@ class LandmarkComplex:
     def __contains__(self, simplex: Iterable[str]) -> bool:
         """Tell whether a set of landmarks is a simplex; the empty set is none."""
         wanted = observation(simplex)
-        numbers = self._numbers(wanted)
+        numbers = self.numbers(wanted)
         if not wanted or len(numbers) < len(wanted):
             return False
         _, shared = np.unique(self._version.posting_lists(numbers).values, return_counts=True)
@@ -185,6 +185,11 @@ class LandmarkComplex:
         return frozenset(self._table.names[: self.n_landmarks])
 
     @property
+    def version(self) -> Version:
+        """The tables behind this version."""
+        return self._version
+
+    @property
     def n_facets(self) -> int:
         """The number of maximal simplices."""
         return len(self._version.live())
@@ -193,13 +198,6 @@ class LandmarkComplex:
     def n_landmarks(self) -> int:
         """The number of vertices."""
         return self._version.n_landmarks
-
-    @property
-    def n_bytes(self) -> int:
-        """The bytes that the tables take, names of landmarks not counted."""
-        return sum(
-            array.nbytes for array in (*self._version[:5], self._table.used, self._table.tally)
-        )
 
     def digest(self) -> str:
         """Return a canonical hash: equal for equal complexes, in any process.
@@ -240,8 +238,8 @@ class LandmarkComplex:
             raise InvalidComplexError(message, "max_degree")
         if max_degree > 1:
             return chains.betti_numbers(self.facets, max_degree)
-        rows = neighborhood.dual_rows(self._version, neighborhood.nearness_order(self._version))
-        return self._engine.history(rows, [self.n_landmarks]).betti(0)[: max_degree + 1]
+        order = neighborhood.nearness_order(self._version)
+        return self.homology_along(order, [len(order)]).betti(0)[: max_degree + 1]
 
     def euler_characteristic(self, *, max_terms: int = 100_000) -> int:
         """Return the Euler characteristic without listing faces.
@@ -273,8 +271,7 @@ class LandmarkComplex:
         visible : iterable of str
             Start of the search; unknown landmarks are ignored.
         radii : iterable of int
-            Hops in the 1-skeleton, not negative, not decreasing; with `s_max` metres an edge,
-            ``r_pseudo = radius * s_max``.
+            Hops in the 1-skeleton, not negative, not decreasing.
 
         Returns
         -------
@@ -287,8 +284,42 @@ class LandmarkComplex:
             If a radius is negative or the radii decrease.
         """
         wanted = neighborhood.rising(radii)
-        seeds = self._numbers(observation(visible))
+        seeds = self.numbers(observation(visible))
         return self._engine.sense(self._table, self._version, seeds, wanted)
+
+    def homology_along(self, order: Numbers, ends: Sequence[int]) -> History:
+        """Return the homology of the full subcomplexes on the first landmarks of an order.
+
+        Parameters
+        ----------
+        order : ndarray, int32
+            Numbers of landmarks.
+        ends : sequence of int
+            How many of them each subcomplex has, not falling.
+
+        Returns
+        -------
+        History
+            One place for each end.
+        """
+        return self._engine.history(neighborhood.dual_rows(self._version, order), ends)
+
+    def numbers(self, names: Iterable[str]) -> Numbers:
+        """Return the numbers of the landmarks that this version knows.
+
+        Parameters
+        ----------
+        names : iterable of str
+            Identifiers; unknown ones are left out.
+
+        Returns
+        -------
+        ndarray, int32
+            Their numbers.
+        """
+        known, count = self._table.numbers, self.n_landmarks
+        numbers = [known.get(name, count) for name in names]
+        return np.array([number for number in numbers if number < count], np.int32)
 
     def names(self, numbers: Numbers) -> frozenset[str]:
         """Return the identifiers of some landmarks.
@@ -327,23 +358,6 @@ class LandmarkComplex:
         before, now = earlier._version.n_facets, self._version
         return before == now.n_facets or now.last_change(numbers) < before
 
-    def cycles(self) -> list[tuple[str, ...]]:
-        """Return a short closed walk round each hole.
-
-        Returns
-        -------
-        list of tuple of str
-            As many as b1, shortest first: landmarks of which each was seen together with the next
-            and the last with the first; as classes they are a basis of H_1.
-
-        Examples
-        --------
-        >>> k = LandmarkComplex.from_observations([{"a", "b"}, {"b", "c"}, {"c", "a"}])
-        >>> k.cycles()
-        [('c', 'b', 'a')]
-        """
-        return cycles.round_holes(self._named_facets())
-
     def induced(self, landmarks: Iterable[str]) -> Self:
         """Return the full subcomplex on some landmarks.
 
@@ -360,7 +374,7 @@ class LandmarkComplex:
         LandmarkComplex
             All simplices whose landmarks lie in the set.
         """
-        kept = self._numbers(observation(landmarks))
+        kept = self.numbers(observation(landmarks))
         touched = np.unique(self._version.posting_lists(kept).values)
         inside = np.zeros(self.n_landmarks, np.bool_)
         inside[kept] = True
@@ -368,29 +382,6 @@ class LandmarkComplex:
         rows = self._version.rows(touched).lists()
         shared = [[names[number] for number in row if inside[number]] for row in rows]
         return type(self).from_observations(shared, self._engine)
-
-    def neighbors(self, landmark: str) -> frozenset[str]:
-        """Return the landmarks that were seen together with one.
-
-        Parameters
-        ----------
-        landmark : str
-            A vertex.
-
-        Returns
-        -------
-        frozenset of str
-            Its neighbors in the 1-skeleton.
-        """
-        seeds = self._numbers([landmark])
-        near, _ = neighborhood.hop_order(self._version, seeds, [1])
-        return self.names(near) - {landmark}
-
-    def _numbers(self, names: Iterable[str]) -> Numbers:
-        """Return the numbers of the landmarks that this version knows."""
-        known, count = self._table.numbers, self.n_landmarks
-        numbers = [known.get(name, count) for name in names]
-        return np.array([number for number in numbers if number < count], np.int32)
 
     def _named_facets(self) -> Iterator[list[str]]:
         names = self._table.names

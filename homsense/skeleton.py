@@ -2,6 +2,7 @@
 
 import networkx as nx
 
+from homsense.neighborhood import hop_order
 from homsense.simplicial import LandmarkComplex
 
 
@@ -27,9 +28,28 @@ def skeleton(landmark_complex: LandmarkComplex) -> "nx.Graph[str]":
     landmarks = sorted(landmark_complex.landmarks)
     graph.add_nodes_from(landmarks)
     for landmark in landmarks:
-        later = sorted(n for n in landmark_complex.neighbors(landmark) if n > landmark)
+        later = sorted(n for n in neighbors(landmark_complex, landmark) if n > landmark)
         graph.add_edges_from((landmark, other) for other in later)
     return graph
+
+
+def neighbors(landmark_complex: LandmarkComplex, landmark: str) -> frozenset[str]:
+    """Return the landmarks that were seen together with one.
+
+    Parameters
+    ----------
+    landmark_complex : LandmarkComplex
+        The complex.
+    landmark : str
+        A vertex.
+
+    Returns
+    -------
+    frozenset of str
+        Its neighbors in the 1-skeleton.
+    """
+    near, _ = hop_order(landmark_complex.version, landmark_complex.numbers([landmark]), [1])
+    return landmark_complex.names(near) - {landmark}
 
 
 def n_edges(landmark_complex: LandmarkComplex) -> int:
@@ -46,4 +66,4 @@ def n_edges(landmark_complex: LandmarkComplex) -> int:
         Pairs of landmarks that were seen together.
     """
     landmarks = landmark_complex.landmarks
-    return sum(len(landmark_complex.neighbors(landmark)) for landmark in landmarks) // 2
+    return sum(len(neighbors(landmark_complex, landmark)) for landmark in landmarks) // 2

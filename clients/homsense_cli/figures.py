@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from shapely.geometry import Polygon
 
 import homsense
+from homsense.engine import PYTHON
 from homsense.skeleton import skeleton
 
 FloatArray = NDArray[np.float64]
@@ -85,7 +86,7 @@ def height_maps(run: Mapping[str, Any]) -> Figure:
 def evolution(run: Mapping[str, Any]) -> Figure:
     """Draw Figure 3: landmarks, complex and posterior as the robot moves."""
     site_map = homsense.SiteMap.from_geojson(run["map_document"])
-    grown = homsense.LandmarkComplex.from_observations(run["facets"])
+    grown = homsense.LandmarkComplex.from_observations(run["facets"], PYTHON)
     places = {name: tuple(place) for name, place in run["transmitters"].items()}
     layout = coordinate_free_layout(grown)
     snapshots = run["snapshots"]

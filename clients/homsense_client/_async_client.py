@@ -104,14 +104,10 @@ class AsyncClient:
         site: str,
         landmarks: protocol.Landmarks,
         hops: Iterable[int] | None = None,
-        *,
-        lasting: bool = False,
-        cycles: bool = False,
+        **options: protocol.Json,
     ) -> models.LocalHomology:
-        """Count the holes near a scan."""
-        return await self.send(
-            protocol.local_homology(site, landmarks, hops, lasting=lasting, cycles=cycles)
-        )
+        """Count the holes near a scan; options are `r_pseudo_m`, `lasting` and `cycles`."""
+        return await self.send(protocol.local_homology(site, landmarks, hops, options))
 
     async def height_map(self, site: str, hops: int) -> dict[str, Any]:
         """Read the expected holes over the map."""

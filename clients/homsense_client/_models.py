@@ -90,7 +90,8 @@ class Complex:
 class Level:
     """Homology of one neighborhood."""
 
-    hops: int
+    hops: int | None
+    r_pseudo_m: float | None
     vertices: int
     facets: int
     betti: tuple[int, ...]

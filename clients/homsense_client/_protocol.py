@@ -128,7 +128,7 @@ def export_complex(site: str, form: str) -> Call[dict[str, Any]]:
 
 
 def local_homology(
-    site: str, landmarks: Landmarks, hops: Iterable[int] | None, **options: bool
+    site: str, landmarks: Landmarks, hops: Iterable[int] | None, options: Mapping[str, Any]
 ) -> Call[models.LocalHomology]:
     """Count the holes near a scan."""
     body: dict[str, Any] = {"landmarks": list(landmarks), **options}

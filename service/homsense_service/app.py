@@ -17,6 +17,7 @@ from homsense_service.sessions import SessionTable
 from homsense_service.settings import Settings
 from homsense_service.sites import SiteRegistry
 from homsense_service.store import SqliteStore, Store
+from homsense_service.warming import WarmingEngine
 
 
 def create_app(
@@ -42,7 +43,7 @@ def create_app(
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         store = open_store(chosen.data)
         try:
-            registry = SiteRegistry(store, chosen)
+            registry = SiteRegistry(store, chosen, WarmingEngine(chosen.engine))
             table = SessionTable(chosen.max_sessions)
             app.state.operations = Operations(registry, table, chosen)
             app.state.metrics = Metrics(lambda: len(registry.all()), lambda: len(table))

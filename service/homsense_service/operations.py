@@ -70,6 +70,8 @@ class Operations:
         """Count the holes near a scan."""
         site = self.sites.get(name)
         visible = site.visible(schemas.readings(question.landmarks))
+        if question.r_pseudo_m is not None:
+            return site, visible, site.sense_within(visible, question.r_pseudo_m)
         hops = tuple(question.hops or site.config.hops)
         return site, visible, site.sense(visible, hops, lasting=question.lasting)
 

@@ -12,6 +12,7 @@ from shapely.geometry import mapping
 from shapely.geometry.base import BaseGeometry
 
 import homsense
+from homsense.cycles import round_holes
 from homsense.skeleton import n_edges, skeleton
 from homsense_service import schemas
 from homsense_service.sessions import Fix, Session
@@ -117,13 +118,14 @@ def render_level(level: homsense.LocalHomology, *, cycles: bool) -> schemas.Leve
     """Return the homology of one neighborhood, with its cycles on request."""
     return schemas.Level(
         hops=level.hops,
+        r_pseudo_m=level.r_pseudo_m,
         vertices=level.n_landmarks,
         facets=level.n_facets,
         betti=list(level.betti),
         euler=_euler(level.subcomplex),
         holes=level.holes,
         lasting=level.lasting,
-        cycles=[list(cycle) for cycle in level.subcomplex.cycles()] if cycles else None,
+        cycles=list(map(list, round_holes(level.subcomplex.facets))) if cycles else None,
     )
 
 

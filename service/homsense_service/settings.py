@@ -1,6 +1,7 @@
 """Settings; the only reader of the environment."""
 
 from pathlib import Path
+from typing import Literal
 
 from pydantic import Field
 from pydantic_settings import BaseSettings, SettingsConfigDict
@@ -19,6 +20,10 @@ class Settings(BaseSettings):
     )
     max_landmarks_per_scan: int = Field(
         default=4096, ge=1, description="Readings in one scan; more are refused."
+    )
+    engine: Literal["auto", "python", "numba"] = Field(
+        default="auto",
+        description="What counts holes: numba once it is compiled, the reference, or numba only.",
     )
     max_sessions: int = Field(default=1000, ge=1, description="Live sessions at once.")
     calibration_scans: int = Field(

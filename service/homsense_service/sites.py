@@ -3,11 +3,12 @@
 import hashlib
 import threading
 from collections import OrderedDict
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import homsense
+from homsense.engine import PYTHON, Engine, fastest
 from homsense_service.errors import MapMissingError, SiteNotFoundError
 from homsense_service.records import SiteConfig, StoredReading, StoredScan
 from homsense_service.settings import Settings
@@ -60,13 +61,19 @@ class ComplexVersion:
     generation: int
 
 
-_EMPTY = ComplexVersion(homsense.LandmarkComplex(), 0, frozenset(), 0)
+_EMPTY = ComplexVersion(homsense.LandmarkComplex(PYTHON), 0, frozenset(), 0)
 
 
 class Site:
     """A mapped place. Reading needs no lock: versions are immutable and replaced whole."""
 
-    def __init__(self, name: str, config: SiteConfig, settings: Settings) -> None:
+    def __init__(
+        self,
+        name: str,
+        config: SiteConfig,
+        settings: Settings,
+        engine: Callable[[], Engine] = fastest,
+    ) -> None:
         self.name = name
         self.config = config
         self.map: MapVersion | None = None
@@ -74,7 +81,10 @@ class Site:
         self._settings = settings
         self._sample: dict[bytes, frozenset[str]] = {}
         self.complex = _EMPTY
-        self._sensed: OrderedDict[tuple[Any, ...], list[homsense.LocalHomology]] = OrderedDict()
+        self._engine = engine
+        self._sensed: OrderedDict[
+            tuple[frozenset[str], tuple[int, ...], bool], list[homsense.LocalHomology]
+        ] = OrderedDict()
         self._heights: dict[tuple[Any, ...], homsense.HeightMap] = {}
         self._caching = threading.Lock()
         self._deriving = threading.Lock()
@@ -83,6 +93,8 @@ class Site:
         """Start again from no scan; the caller holds `writing`."""
         self.complex = replace(_EMPTY, generation=self.complex.generation + 1)
         self._sample = {}
+        with self._caching:
+            self._sensed.clear()
 
     def readings(self, stored: Iterable[StoredReading]) -> list[homsense.Reading]:
         """Return readings whose identifiers compare as the site's configuration says."""
@@ -101,14 +113,12 @@ class Site:
         """Join scans into the complex; the caller holds `writing`."""
         observations = [self.visible(scan.readings) for scan in scans]
         now = self.complex
-        grown = now.landmark_complex.with_observations(observations)
+        grown = now.landmark_complex.run_by(self._engine()).with_observations(observations)
         self._keep_sample(scans, observations)
         devices = now.devices.union(scan.device for scan in scans)
         generation = now.generation
         if grown is not now.landmark_complex:
             generation += 1
-            with self._caching:
-                self._sensed.clear()
         self.complex = ComplexVersion(grown, now.number + len(scans), devices, generation)
         return self.complex
 
@@ -127,19 +137,25 @@ class Site:
     def sense(
         self, visible: frozenset[str], hops: tuple[int, ...], *, lasting: bool = False
     ) -> list[homsense.LocalHomology]:
-        """Return the local homology of a visible set, from the cache when it is there."""
-        current = self.complex
-        key = (current.generation, visible, hops, lasting)
+        """Return the local homology of a visible set, counted once until it can have changed."""
+        grown = self.complex.landmark_complex.run_by(self._engine())
+        key = (grown.names(grown.numbers(visible)), hops, lasting)
         found = self._sensed.get(key)
-        if found is None:
-            found = homsense.sense_local_homology(
-                current.landmark_complex, visible, hops, lasting=lasting
-            )
-            with self._caching:
-                self._sensed[key] = found
-                while len(self._sensed) > _SENSE_CACHE:
-                    self._sensed.popitem(last=False)
+        if found is None or not all(level.holds_in(grown) for level in found):
+            found = homsense.sense_local_homology(grown, key[0], hops, lasting=lasting)
+        with self._caching:
+            self._sensed[key] = found
+            self._sensed.move_to_end(key)
+            while len(self._sensed) > _SENSE_CACHE:
+                self._sensed.popitem(last=False)
         return found
+
+    def sense_within(
+        self, visible: frozenset[str], r_pseudo_m: Sequence[float]
+    ) -> list[homsense.LocalHomology]:
+        """Return the local homology within some pseudo-distances."""
+        grown = self.complex.landmark_complex.run_by(self._engine())
+        return homsense.sense_within(grown, visible, r_pseudo_m, self.config.s_max_m)
 
     def require_map(self) -> MapVersion:
         """Return the map or raise `MapMissingError`."""
@@ -192,11 +208,16 @@ class SiteRegistry:
         Where they survive.
     settings : Settings
         Limits and resolutions.
+    engine : callable
+        Returns what runs the hot loops.
     """
 
-    def __init__(self, store: Store, settings: Settings) -> None:
+    def __init__(
+        self, store: Store, settings: Settings, engine: Callable[[], Engine] = fastest
+    ) -> None:
         self._store = store
         self._settings = settings
+        self._engine = engine
         self._lock = threading.Lock()
         self._sites = {name: self._load(name, config) for name, config in store.sites().items()}
 
@@ -222,7 +243,7 @@ class SiteRegistry:
             site = self._sites.get(name)
             self._store.put_site(name, config)
             if site is None:
-                self._sites[name] = site = Site(name, config, self._settings)
+                self._sites[name] = site = Site(name, config, self._settings, self._engine)
                 return site, True
         with site.writing:
             before, site.config = site.config, config
@@ -259,7 +280,7 @@ class SiteRegistry:
     def range_curve(self, site: Site) -> list[homsense.RangePoint]:
         """Return the range self-check over all scans of a site."""
         heard = (site.readings(scan.readings) for scan in self._store.scans(site.name))
-        return homsense.range_curve(heard, max_age_s=site.config.max_age_s)
+        return homsense.range_curve(heard, max_age_s=site.config.max_age_s, engine=self._engine())
 
     def read_map(self, document: dict[str, Any], config: SiteConfig) -> MapVersion:
         """Return the version that a document describes, without storing it."""
@@ -268,7 +289,7 @@ class SiteRegistry:
         return MapVersion(document, site_map, free_space, site_map.digest())
 
     def _load(self, name: str, config: SiteConfig) -> Site:
-        site = Site(name, config, self._settings)
+        site = Site(name, config, self._settings, self._engine)
         document = self._store.map_document(name)
         if document is not None:
             site.map = self.read_map(document, config)

@@ -162,6 +162,12 @@ def test_local_homology_counts_holes(api: TestClient, site: str) -> None:
     assert [level["lasting"] for level in longer["levels"]] == [0, 1]
     which = api.post(path, json={"landmarks": ["a"], "hops": [2], "cycles": True}).json()
     assert [sorted(cycle) for cycle in which["levels"][0]["cycles"]] == [["a", "b", "c", "d"]]
+    metres = api.post(path, json={"landmarks": ["a"], "r_pseudo_m": [39.0, 40.0]}).json()
+    assert [level["holes"] for level in metres["levels"]] == [0, 1]
+    assert [level["r_pseudo_m"] for level in metres["levels"]] == [39.0, 40.0]
+    assert [level["hops"] for level in metres["levels"]] == [None, None]
+    both = api.post(path, json={"landmarks": ["a"], "r_pseudo_m": [39.0], "hops": [1]})
+    assert "neither hops nor lasting" in problem(both)["detail"]
     default = api.post(path, json={"landmarks": ["a"]}).json()
     assert [level["hops"] for level in default["levels"]] == [1, 2]
     nothing = api.post(path, json={"landmarks": []}).json()

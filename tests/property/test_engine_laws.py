@@ -109,7 +109,7 @@ def test_tables_stay_small_when_facets_are_swallowed_again_and_again() -> None:
         scan.add(f"l{n}")
         k = k.with_observation(scan)
     assert k.facets == {frozenset(scan)}
-    assert k.n_bytes < 100_000
+    assert k._table.n_bytes < 100_000
 
 
 @given(st.lists(st.frozensets(LANDMARKS, min_size=1, max_size=3), max_size=60))

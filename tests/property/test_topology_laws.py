@@ -6,7 +6,14 @@ from collections.abc import Iterable
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from support.oracles import all_faces, gudhi_betti, gudhi_rank, hop_ball, maximal_sets
+from support.oracles import (
+    all_faces,
+    gudhi_betti,
+    gudhi_rank,
+    hop_ball,
+    maximal_sets,
+    metric_ball,
+)
 from support.strategies import HOPS, OBSERVATION, OBSERVATIONS, SMALL_OBSERVATIONS
 
 from homsense import (
@@ -16,7 +23,9 @@ from homsense import (
     landmark_complex,
     observation_complex,
     sense_local_homology,
+    sense_within,
 )
+from homsense.cycles import round_holes
 from homsense.skeleton import n_edges, skeleton
 
 Observations = list[frozenset[str]]
@@ -160,12 +169,35 @@ def test_local_homology_is_that_of_the_induced_subcomplex(
         assert level.n_facets == len(maximal_sets(f & level.landmarks for f in k.facets))
 
 
+@given(OBSERVATIONS, OBSERVATION, HOPS)
+def test_equal_ranges_make_metres_of_hops(
+    observations: Observations, visible: frozenset[str], hops: list[int]
+) -> None:
+    k = LandmarkComplex.from_observations(observations)
+    within = sense_within(k, visible, [64.0 * radius + 63.0 for radius in hops], 64.0)
+    for level, other in zip(within, sense_local_homology(k, visible, hops), strict=True):
+        assert level.landmarks == other.landmarks
+        assert level.betti == other.betti
+
+
+@given(OBSERVATIONS, OBSERVATION, st.lists(st.integers(0, 60), min_size=1, max_size=3))
+def test_neighborhoods_in_metres_follow_shortest_paths(
+    observations: Observations, visible: frozenset[str], radii: list[int]
+) -> None:
+    k = LandmarkComplex.from_observations(observations)
+    ranges = {landmark: 2.0 ** (int(landmark[1:]) % 5) for landmark in k.landmarks}
+    for level in sense_within(k, visible, map(float, radii), ranges):
+        assert level.r_pseudo_m is not None
+        assert level.landmarks == metric_ball(observations, set(visible), level.r_pseudo_m, ranges)
+        assert level.betti == k.induced(level.landmarks).betti_numbers()
+
+
 @given(OBSERVATIONS)
 def test_cycles_stand_for_all_holes(observations: Observations) -> None:
     """Filling each cycle with a cone kills one class, and all cycles together kill all."""
     k = LandmarkComplex.from_observations(observations)
     betti = k.betti_numbers()
-    cycles = k.cycles()
+    cycles = round_holes(k.facets)
     assert len(cycles) == betti[1]
     for number, cycle in enumerate(cycles):
         for edge in zip(cycle, (*cycle[1:], cycle[0]), strict=True):

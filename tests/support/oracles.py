@@ -54,6 +54,25 @@ def maximal_sets(simplices: Iterable[frozenset[str]]) -> frozenset[frozenset[str
     return frozenset(s for s in distinct if not any(s < other for other in distinct))
 
 
+def metric_ball(
+    simplices: Iterable[frozenset[str]],
+    start: set[str],
+    radius_m: float,
+    range_m: dict[str, float],
+) -> set[str]:
+    """Return the ball where an edge is as long as the mean range of its ends."""
+    graph: nx.Graph[str] = nx.Graph()
+    for simplex in simplices:
+        graph.add_nodes_from(simplex)
+        for a, b in combinations(sorted(simplex), 2):
+            graph.add_edge(a, b, weight=(range_m[a] + range_m[b]) / 2)
+    known = start & set(graph)
+    if not known:
+        return set()
+    lengths = nx.multi_source_dijkstra_path_length(graph, known, cutoff=radius_m)
+    return set(lengths)
+
+
 def hop_ball(simplices: Iterable[frozenset[str]], start: set[str], radius: int) -> set[str]:
     """Return the ball in the 1-skeleton by shortest paths."""
     graph: nx.Graph[str] = nx.Graph()

@@ -63,6 +63,6 @@ def post_local_homology(
     found, visible, levels = operations.sense(site, question)
     return schemas.LocalHomologyOut(
         complex_version=found.complex.number,
-        known=len(visible & levels[0].landmark_complex.landmarks),
+        known=len(found.complex.landmark_complex.numbers(visible)),
         levels=[rendering.render_level(level, cycles=question.cycles) for level in levels],
     )

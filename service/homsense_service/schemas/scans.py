@@ -2,7 +2,13 @@
 
 from typing import Annotated, Any
 
-from pydantic import Field, ModelWrapValidatorHandler, ValidationError, WrapValidator
+from pydantic import (
+    Field,
+    ModelWrapValidatorHandler,
+    ValidationError,
+    WrapValidator,
+    model_validator,
+)
 
 from homsense_service.records import StoredScan
 from homsense_service.schemas.wire import (
@@ -135,21 +141,36 @@ class RangeCurveOut(Wire):
     points: list[RangePointOut]
 
 
+PseudoRadius = Annotated[float, Field(ge=0, le=1e6)]
+
+
 class LocalHomologyIn(Wire):
     """A question to the homological sensor."""
 
     landmarks: Landmarks
     hops: HopList | None = Field(default=None, description="The site's when absent.")
+    r_pseudo_m: Annotated[list[PseudoRadius], Field(min_length=1, max_length=8)] | None = Field(
+        default=None,
+        description="Radii in metres instead of hops; every edge is as long as s_max_m.",
+    )
     lasting: bool = Field(
         default=False, description="Tell how many holes are still there one hop farther."
     )
     cycles: bool = Field(default=False, description="Tell which holes are meant.")
 
+    @model_validator(mode="after")
+    def _hops_or_metres(self) -> "LocalHomologyIn":
+        if self.r_pseudo_m is not None and (self.hops is not None or self.lasting):
+            message = "r_pseudo_m goes with neither hops nor lasting"
+            raise ValueError(message)
+        return self
+
 
 class Level(Wire):
     """Homology of one neighborhood."""
 
-    hops: int
+    hops: int | None = Field(description="null when asked for in metres.")
+    r_pseudo_m: float | None = Field(description="null when asked for in hops.")
     vertices: int
     facets: int
     betti: list[int]

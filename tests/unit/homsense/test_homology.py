@@ -3,7 +3,13 @@
 import pytest
 from support.builders import GOLDEN, named
 
-from homsense import ComputationLimitError, InvalidComplexError, LandmarkComplex, chains
+from homsense import (
+    ComputationLimitError,
+    InvalidComplexError,
+    LandmarkComplex,
+    chains,
+    sense_within,
+)
 from homsense import sense_local_homology as sense
 
 
@@ -73,6 +79,10 @@ def test_negative_hops_and_degrees_are_refused() -> None:
     k = LandmarkComplex.from_observations([{"a", "b"}])
     with pytest.raises(InvalidComplexError, match="hops"):
         sense(k, {"a"}, hops=[-1])
+    with pytest.raises(InvalidComplexError, match="metres"):
+        sense_within(k, {"a"}, [float("nan")], 80.0)
+    with pytest.raises(InvalidComplexError, match="s_max_m"):
+        sense_within(k, {"a"}, [100.0], {"a": 80.0})
     with pytest.raises(InvalidComplexError, match="max_degree"):
         k.betti_numbers(max_degree=-1)
     with pytest.raises(InvalidComplexError, match="degree"):

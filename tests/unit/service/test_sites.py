@@ -23,6 +23,23 @@ def test_a_sample_in_use_survives_scans_that_pour_in() -> None:
     assert site._sample != before
 
 
+def test_an_answer_is_counted_again_only_when_its_neighborhood_has_changed() -> None:
+    site = Site("a", SiteConfig(), Settings())
+    site.absorb(_scans(0, 20))
+    visible = frozenset({"l0", "not known yet"})
+    near = site.sense(visible, (2,))
+    site.absorb(_scans(100, 5))
+    assert site.sense(visible, (2,)) is near
+    site.absorb(_scans(2, 1))
+    assert site.sense(visible, (2,)) is near
+    site.absorb([StoredScan("p", "x", 0.0, (StoredReading("l2"), StoredReading("l9")))])
+    changed = site.sense(visible, (2,))
+    assert changed is not near
+    assert changed[0].landmark_complex.n_landmarks > near[0].landmark_complex.n_landmarks
+    site.absorb([StoredScan("p", "y", 0.0, (StoredReading("not known yet"), StoredReading("z")))])
+    assert "z" in site.sense(visible, (2,))[0].landmarks
+
+
 def test_the_sample_does_not_depend_on_the_order_of_arrival() -> None:
     one, other = (Site("a", SiteConfig(), Settings(calibration_scans=5)) for _ in range(2))
     one.absorb(_scans(0, 60))
