@@ -30,6 +30,7 @@ from homsense.scan import Reading, visible_landmarks
 from homsense.sensing import LocalHomology, sense_local_homology, sense_within
 from homsense.simplicial import LandmarkComplex
 from homsense.site_map import SiteMap
+from homsense.witness import WitnessFiltration
 
 __all__ = [
     "ComputationLimitError",
@@ -63,6 +64,7 @@ __all__ = [
     "SiteMap",
     "UniformPrior",
     "VisibilityRelation",
+    "WitnessFiltration",
     "calibrate_r_geo",
     "choose_cut",
     "landmark_complex",

@@ -67,6 +67,20 @@ class Receipt:
 
 
 @dataclass(frozen=True, slots=True)
+class RawComplex:
+    """The complex of all that any device has seen."""
+
+    landmarks: int
+    facets: int
+    betti: tuple[int, ...]
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Self:
+        """Return the value of an answer."""
+        return cls(**{**data, "betti": tuple(data["betti"])})
+
+
+@dataclass(frozen=True, slots=True)
 class Complex:
     """The landmark complex of a site."""
 
@@ -79,11 +93,14 @@ class Complex:
     edges: int
     betti: tuple[int, ...]
     euler: int | None
+    quorum: int
+    raw: RawComplex
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Self:
         """Return the value of an answer."""
-        return cls(**{**data, "betti": tuple(data["betti"])})
+        raw = RawComplex.from_json(data["raw"])
+        return cls(**{**data, "betti": tuple(data["betti"]), "raw": raw})
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +114,7 @@ class Level:
     betti: tuple[int, ...]
     euler: int | None
     holes: int
+    raw_holes: int
     lasting: int | None
     cycles: tuple[tuple[str, ...], ...] | None
 

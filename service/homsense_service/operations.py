@@ -25,6 +25,26 @@ class Ingested:
     complex_version: int
 
 
+@dataclass(frozen=True, slots=True)
+class Sensed:
+    """The answer of the homological sensor.
+
+    Parameters
+    ----------
+    site : Site
+        Where.
+    visible : frozenset of str
+        The landmarks in view.
+    levels, raw : list of homsense.LocalHomology
+        What a quorum has seen, and what anybody has.
+    """
+
+    site: Site
+    visible: frozenset[str]
+    levels: list[homsense.LocalHomology]
+    raw: list[homsense.LocalHomology]
+
+
 class Operations:
     """The service without any rim.
 
@@ -64,16 +84,17 @@ class Operations:
         fresh, version = self.sites.add_scans(site, sound)
         return Ingested(sum(fresh), len(fresh) - sum(fresh), dropped, version.number)
 
-    def sense(
-        self, name: str, question: schemas.LocalHomologyIn
-    ) -> tuple[Site, frozenset[str], list[homsense.LocalHomology]]:
-        """Count the holes near a scan."""
+    def sense(self, name: str, question: schemas.LocalHomologyIn) -> Sensed:
+        """Count the holes near a scan, among what a quorum has seen and among everything."""
         site = self.sites.get(name)
         visible = site.visible(schemas.readings(question.landmarks))
         if question.r_pseudo_m is not None:
-            return site, visible, site.sense_within(visible, question.r_pseudo_m)
-        hops = tuple(question.hops or site.config.hops)
-        return site, visible, site.sense(visible, hops, lasting=question.lasting)
+            levels = site.sense_within(visible, question.r_pseudo_m)
+        else:
+            hops = tuple(question.hops or site.config.hops)
+            levels = site.sense(visible, hops, lasting=question.lasting)
+        raw = levels if site.config.quorum == 1 else site.sense_raw(visible, levels)
+        return Sensed(site, visible, levels, raw)
 
     def open_session(self, name: str, request: schemas.SessionIn) -> Session:
         """Start localizing a device on a site."""

@@ -22,6 +22,8 @@ class SiteConfig:
         Weakest strength that counts as visible, dBm.
     max_age_s : float, optional
         Oldest sighting that counts, seconds.
+    quorum : int
+        Distinct devices that must have seen landmarks together.
     r_geo_m : tuple of float, optional
         Geodetic radius of each neighborhood, metres; calibrated from the scans when absent.
     distance : {"euclidean", "geodesic"}
@@ -36,6 +38,7 @@ class SiteConfig:
     landmark_key: Literal["bssid", "ssid"] = "bssid"
     min_rssi_dbm: float | None = None
     max_age_s: float | None = None
+    quorum: int = 1
     r_geo_m: tuple[float, ...] | None = None
     distance: Literal["euclidean", "geodesic"] = "euclidean"
     origin: tuple[float, float] | None = None

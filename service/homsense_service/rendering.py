@@ -15,6 +15,7 @@ import homsense
 from homsense.cycles import round_holes
 from homsense.skeleton import n_edges, skeleton
 from homsense_service import schemas
+from homsense_service.operations import Sensed
 from homsense_service.sessions import Fix, Session
 from homsense_service.sites import ComplexVersion, MapVersion, Site
 
@@ -61,6 +62,12 @@ def render_complex(version: ComplexVersion) -> schemas.ComplexOut:
         edges=n_edges(grown),
         betti=list(grown.betti_numbers()),
         euler=_euler(grown),
+        quorum=version.filtration.depth,
+        raw=schemas.RawComplexOut(
+            landmarks=version.raw.n_landmarks,
+            facets=version.raw.n_facets,
+            betti=list(version.raw.betti_numbers()),
+        ),
     )
 
 
@@ -114,8 +121,22 @@ def render_range_curve(site: Site, curve: list[homsense.RangePoint]) -> schemas.
     )
 
 
-def render_level(level: homsense.LocalHomology, *, cycles: bool) -> schemas.Level:
-    """Return the homology of one neighborhood, with its cycles on request."""
+def render_sensed(sensed: Sensed, *, cycles: bool) -> schemas.LocalHomologyOut:
+    """Return the answer of the homological sensor, with cycles on request."""
+    version = sensed.site.complex
+    return schemas.LocalHomologyOut(
+        complex_version=version.number,
+        known=len(version.landmark_complex.numbers(sensed.visible)),
+        levels=[
+            _level(level, raw, cycles=cycles)
+            for level, raw in zip(sensed.levels, sensed.raw, strict=True)
+        ],
+    )
+
+
+def _level(
+    level: homsense.LocalHomology, raw: homsense.LocalHomology, *, cycles: bool
+) -> schemas.Level:
     return schemas.Level(
         hops=level.hops,
         r_pseudo_m=level.r_pseudo_m,
@@ -124,6 +145,7 @@ def render_level(level: homsense.LocalHomology, *, cycles: bool) -> schemas.Leve
         betti=list(level.betti),
         euler=_euler(level.subcomplex),
         holes=level.holes,
+        raw_holes=raw.holes,
         lasting=level.lasting,
         cycles=list(map(list, round_holes(level.subcomplex.facets))) if cycles else None,
     )

@@ -4,11 +4,11 @@ import hashlib
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import homsense
-from homsense.engine import PYTHON, Engine, fastest
+from homsense.engine import Engine, fastest
 from homsense_service.errors import MapMissingError, SiteNotFoundError
 from homsense_service.records import SiteConfig, StoredReading, StoredScan
 from homsense_service.settings import Settings
@@ -45,8 +45,8 @@ class ComplexVersion:
 
     Parameters
     ----------
-    landmark_complex : homsense.LandmarkComplex
-        The complex itself.
+    filtration : homsense.WitnessFiltration
+        The complexes by witnesses; as many levels as the quorum.
     number : int
         Scans in the log when it was reached; grows with every scan.
     devices : frozenset of str
@@ -55,13 +55,20 @@ class ComplexVersion:
         Changes whenever the complex itself does; names what is derived from it.
     """
 
-    landmark_complex: homsense.LandmarkComplex
+    filtration: homsense.WitnessFiltration
     number: int
     devices: frozenset[str]
     generation: int
 
+    @property
+    def landmark_complex(self) -> homsense.LandmarkComplex:
+        """The complex that is sensed: what a quorum of devices has seen."""
+        return self.filtration.level(self.filtration.depth)
 
-_EMPTY = ComplexVersion(homsense.LandmarkComplex(PYTHON), 0, frozenset(), 0)
+    @property
+    def raw(self) -> homsense.LandmarkComplex:
+        """The complex of all that any device has seen."""
+        return self.filtration.level(1)
 
 
 class Site:
@@ -79,9 +86,9 @@ class Site:
         self.map: MapVersion | None = None
         self.writing = threading.Lock()
         self._settings = settings
-        self._sample: dict[bytes, frozenset[str]] = {}
-        self.complex = _EMPTY
         self._engine = engine
+        self._sample: dict[bytes, frozenset[str]] = {}
+        self.complex = self._nothing(generation=0)
         self._sensed: OrderedDict[
             tuple[frozenset[str], tuple[int, ...], bool], list[homsense.LocalHomology]
         ] = OrderedDict()
@@ -91,10 +98,14 @@ class Site:
 
     def forget(self) -> None:
         """Start again from no scan; the caller holds `writing`."""
-        self.complex = replace(_EMPTY, generation=self.complex.generation + 1)
+        self.complex = self._nothing(generation=self.complex.generation + 1)
         self._sample = {}
         with self._caching:
             self._sensed.clear()
+
+    def _nothing(self, generation: int) -> ComplexVersion:
+        filtration = homsense.WitnessFiltration(self.config.quorum, self._engine())
+        return ComplexVersion(filtration, 0, frozenset(), generation)
 
     def readings(self, stored: Iterable[StoredReading]) -> list[homsense.Reading]:
         """Return readings whose identifiers compare as the site's configuration says."""
@@ -113,13 +124,15 @@ class Site:
         """Join scans into the complex; the caller holds `writing`."""
         observations = [self.visible(scan.readings) for scan in scans]
         now = self.complex
-        grown = now.landmark_complex.run_by(self._engine()).with_observations(observations)
+        seen = [(scan.device, visible) for scan, visible in zip(scans, observations, strict=True)]
+        before = now.filtration.run_by(self._engine())
+        grown = before.with_observations(seen)
         self._keep_sample(scans, observations)
         devices = now.devices.union(scan.device for scan in scans)
-        generation = now.generation
-        if grown is not now.landmark_complex:
-            generation += 1
-        self.complex = ComplexVersion(grown, now.number + len(scans), devices, generation)
+        changed = grown.level(grown.depth) is not before.level(before.depth)
+        self.complex = ComplexVersion(
+            grown, now.number + len(scans), devices, now.generation + changed
+        )
         return self.complex
 
     def _keep_sample(
@@ -156,6 +169,17 @@ class Site:
         """Return the local homology within some pseudo-distances."""
         grown = self.complex.landmark_complex.run_by(self._engine())
         return homsense.sense_within(grown, visible, r_pseudo_m, self.config.s_max_m)
+
+    def sense_raw(
+        self, visible: frozenset[str], levels: Sequence[homsense.LocalHomology]
+    ) -> list[homsense.LocalHomology]:
+        """Return the same neighborhoods in the complex of all that any device has seen."""
+        raw = self.complex.raw.run_by(self._engine())
+        hops = [level.hops for level in levels if level.hops is not None]
+        if hops:
+            return homsense.sense_local_homology(raw, visible, hops)
+        radii = [level.r_pseudo_m for level in levels if level.r_pseudo_m is not None]
+        return homsense.sense_within(raw, visible, radii, self.config.s_max_m)
 
     def require_map(self) -> MapVersion:
         """Return the map or raise `MapMissingError`."""
@@ -303,7 +327,7 @@ class SiteRegistry:
 
 def _sees_differently(before: SiteConfig, after: SiteConfig) -> bool:
     def sensing(config: SiteConfig) -> tuple[object, ...]:
-        return config.landmark_key, config.min_rssi_dbm, config.max_age_s
+        return config.landmark_key, config.min_rssi_dbm, config.max_age_s, config.quorum
 
     return sensing(before) != sensing(after)
 

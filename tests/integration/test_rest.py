@@ -177,6 +177,32 @@ def test_local_homology_counts_holes(api: TestClient, site: str) -> None:
         assert problem(answer)["errors"][0]["field"].startswith("hops")
 
 
+def test_a_quorum_keeps_out_what_a_single_device_says(api: TestClient) -> None:
+    path = "/v1/sites/ring"
+    ring = [["a", "b"], ["b", "c"], ["c", "d"], ["d", "a"]]
+    honest = [
+        scan(10 * phone + n, *names) | {"device": f"phone {phone}"}
+        for phone in range(2)
+        for n, names in enumerate(ring)
+    ]
+    lie = scan(99, "a", "b", "c", "d") | {"device": "liar"}
+    api.put(path, json={"quorum": 2, "hops": [2], "landmark_key": "ssid"})
+    api.post(f"{path}/scans", json={"scans": [*honest[:4], lie]})
+    assert api.get(f"{path}/complex").json()["betti"] == [1, 1]
+    api.post(f"{path}/scans", json={"scans": honest[4:]})
+    answer = api.get(f"{path}/complex").json()
+    assert (answer["quorum"], answer["betti"], answer["raw"]["betti"]) == (2, [1, 1], [1, 0])
+    (level,) = api.post(f"{path}/local-homology", json={"landmarks": ["a"]}).json()["levels"]
+    assert (level["holes"], level["raw_holes"]) == (1, 0)
+    question = {"landmarks": ["a"], "r_pseudo_m": [500.0]}
+    (level,) = api.post(f"{path}/local-homology", json=question).json()["levels"]
+    assert (level["holes"], level["raw_holes"]) == (1, 0)
+    api.put(path, json={"quorum": 1, "hops": [2], "landmark_key": "ssid"})
+    assert api.get(f"{path}/complex").json()["betti"] == [1, 0]
+    refused = api.put(path, json={"quorum": 9})
+    assert problem(refused)["errors"][0]["field"] == "quorum"
+
+
 def test_the_range_self_check_finds_the_cut_at_which_holes_last(api: TestClient) -> None:
     levels = {"ab": -50, "bc": -50, "cd": -52, "da": -52, "abcd": -75}
     scans = [

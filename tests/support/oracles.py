@@ -83,3 +83,14 @@ def hop_ball(simplices: Iterable[frozenset[str]], start: set[str], radius: int) 
     for vertex in start & set(graph):
         ball |= set(nx.single_source_shortest_path_length(graph, vertex, cutoff=radius))
     return ball
+
+
+def faces_by_witnesses(
+    observations: Iterable[tuple[str, frozenset[str]]], witnesses: int
+) -> set[frozenset[str]]:
+    """List every face that enough distinct witnesses have seen."""
+    seen: dict[frozenset[str], set[str]] = {}
+    for witness, scan in observations:
+        for face in all_faces([scan]):
+            seen.setdefault(face, set()).add(witness)
+    return {face for face, by in seen.items() if len(by) >= witnesses}

@@ -60,9 +60,4 @@ def post_local_homology(
     site: SiteParam, question: schemas.LocalHomologyIn, operations: OperationsDep
 ) -> schemas.LocalHomologyOut:
     """Count the holes of the complex near a scan."""
-    found, visible, levels = operations.sense(site, question)
-    return schemas.LocalHomologyOut(
-        complex_version=found.complex.number,
-        known=len(found.complex.landmark_complex.numbers(visible)),
-        levels=[rendering.render_level(level, cycles=question.cycles) for level in levels],
-    )
+    return rendering.render_sensed(operations.sense(site, question), cycles=question.cycles)

@@ -103,8 +103,16 @@ class ScansOut(Wire):
     complex_version: int
 
 
+class RawComplexOut(Wire):
+    """The complex of all that any device has seen."""
+
+    landmarks: int
+    facets: int
+    betti: list[int]
+
+
 class ComplexOut(Wire):
-    """The landmark complex of a site."""
+    """The landmark complex of a site: what a quorum of devices has seen."""
 
     version: int
     digest: str
@@ -115,6 +123,8 @@ class ComplexOut(Wire):
     edges: int
     betti: list[int]
     euler: int | None = Field(description="null when the complex is too dense to tell.")
+    quorum: int = Field(description="Distinct devices that must have seen landmarks together.")
+    raw: RawComplexOut
 
 
 class RangePointOut(Wire):
@@ -175,7 +185,8 @@ class Level(Wire):
     facets: int
     betti: list[int]
     euler: int | None
-    holes: int
+    holes: int = Field(description="b1 of what a quorum of devices has seen: the measurement.")
+    raw_holes: int = Field(description="b1 of what any device has seen.")
     lasting: int | None = Field(description="Holes that are no artifact of the cut; if asked.")
     cycles: list[list[str]] | None = Field(
         description="Landmarks of a short closed walk round each hole; if asked."

@@ -7,6 +7,8 @@ from pydantic import Field, StringConstraints, model_validator
 from homsense_service.records import SiteConfig
 from homsense_service.schemas.wire import HopList, Origin, Wire
 
+MAX_QUORUM = 4
+
 
 class SiteIn(Wire):
     """Configuration of a site."""
@@ -26,8 +28,11 @@ class SiteIn(Wire):
     max_age_s: float | None = Field(
         default=None, ge=0, description="Oldest sighting that counts, seconds."
     )
-    quorum: Literal[1] = Field(
-        default=1, description="Distinct devices that must witness a simplex."
+    quorum: int = Field(
+        default=1,
+        ge=1,
+        le=MAX_QUORUM,
+        description="Distinct devices that must have seen landmarks together.",
     )
     expected: Literal["geometric"] = Field(
         default="geometric", description="How counts are expected: structures within r_geo."
@@ -60,6 +65,7 @@ class SiteIn(Wire):
             landmark_key=self.landmark_key,
             min_rssi_dbm=self.min_rssi_dbm,
             max_age_s=self.max_age_s,
+            quorum=self.quorum,
             r_geo_m=None if self.r_geo_m is None else tuple(self.r_geo_m),
             distance=self.distance,
             origin=None if self.origin is None else (self.origin.lat, self.origin.lon),
@@ -75,6 +81,7 @@ class SiteIn(Wire):
             landmark_key=config.landmark_key,
             min_rssi_dbm=config.min_rssi_dbm,
             max_age_s=config.max_age_s,
+            quorum=config.quorum,
             r_geo_m=None if config.r_geo_m is None else list(config.r_geo_m),
             distance=config.distance,
             origin=None
