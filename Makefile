@@ -40,8 +40,8 @@ unit: $(READY) ## unit, property, contract and integration tests with coverage
 proof: $(READY) ## slow proof: the demo over ten seeds
 	$(BIN)/python benchmarks/demo_seeds.py
 
-bench: $(READY) ## compare with peers in the same run
-	$(BIN)/python benchmarks/homology.py
+bench: $(READY) ## compare with peers in the same run; writes docs/performance.md
+	$(BIN)/python benchmarks/performance.py
 
 format: $(READY) ## format and mend what can be mended
 	$(BIN)/ruff format .

@@ -1,6 +1,7 @@
 """GUDHI's answer to a local hole count, in its best case: edges and triangles are given to it."""
 
 import time
+from itertools import combinations
 from typing import Any
 
 import gudhi
@@ -77,3 +78,20 @@ def _cofaces(words: Array, inside: Array) -> tuple[Array, Array]:  # noqa: C901 
                     triangles[n_triangles] = u, v, w
                     n_triangles += 1
     return edges[:n_edges], triangles[:n_triangles]
+
+
+def rank(smaller: list[list[int]], larger: list[list[int]]) -> int:
+    """Return the rank of H_1 of a complex in that of a larger one, from generating simplices."""
+    values: dict[tuple[int, ...], float] = {}
+    for value, generators in ((0.0, smaller), (1.0, larger)):
+        for simplex in generators:
+            for size in (1, 2, 3):
+                for face in combinations(sorted(simplex), size):
+                    values.setdefault(face, value)
+    tree = gudhi.SimplexTree()
+    for face, value in sorted(values.items(), key=lambda entry: (entry[1], len(entry[0]))):
+        tree.insert(face, value)
+    if not values:
+        return 0
+    bars = tree.persistence(homology_coeff_field=2, min_persistence=-1.0, persistence_dim_max=True)
+    return sum(degree == 1 and birth == 0.0 and death > 1.0 for degree, (birth, death) in bars)

@@ -64,11 +64,16 @@ def city(seed: int, n_transmitters: int, range_m: float, blocks: int = 7) -> Cit
     return City(buildings, places[order], first, range_m)
 
 
-def scans(town: City, seed: int, count: int) -> Scans:
-    """Return what is heard at places drawn uniformly outside the buildings."""
+def scans(town: City, seed: int, count: int, margin_m: float = 0.0) -> Scans:
+    """Return what is heard at places outside the buildings, and not too near to the edge."""
     rng = np.random.Generator(np.random.PCG64([seed, 1]))
-    places = _outside(rng, town.buildings, count)
-    return Scans(*_heard(town, places))
+    places = np.empty((0, 2))
+    while len(places) < count:
+        tried = _outside(rng, town.buildings, count)
+        inside = np.abs(tried - len(town.buildings) * PITCH_M / 2)
+        reach = len(town.buildings) * PITCH_M / 2 - margin_m
+        places = np.concatenate([places, tried[(inside <= reach).all(axis=1)]])
+    return Scans(*_heard(town, places[:count]))
 
 
 def _block(places: Array, blocks: int) -> Array:

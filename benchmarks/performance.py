@@ -1,0 +1,48 @@
+"""Run all comparisons and write docs/performance.md."""
+
+import sys
+from collections.abc import Callable, Sequence
+from importlib.metadata import version
+from pathlib import Path
+from platform import python_version
+
+import dense
+import exactness
+import growth
+import mall
+import neighborhoods
+
+SECTIONS: Sequence[tuple[str, str, Callable[[], list[str]]]] = (
+    ("neighborhoods", "Local hole counts beside GUDHI", neighborhoods.table),
+    ("exactness", "Exactness", exactness.table),
+    ("insertion", "Insertion as scans pour in", growth.insertion_table),
+    ("sites", "Larger and larger sites", growth.site_table),
+    ("density", "Memory by density", growth.density_table),
+    ("dense", "Scans of 400 landmarks", dense.table),
+    ("mall", "Real mall floors", mall.table),
+)
+HEAD = """# Performance
+
+`make bench` wrote this file: every figure and its peer were measured in the same run, on one
+thread. CPU time, so that neighbors on the machine matter less; quote the ratios, not the
+milliseconds. GUDHI-2D is GUDHI given the edges and triangles of a neighborhood for free. One
+section alone: `python benchmarks/performance.py neighborhoods`.
+"""
+
+
+def main(wanted: list[str]) -> None:
+    """Print the sections that are wanted; write the file when all are."""
+    packages = ("numpy", "numba", "gudhi")
+    used = ", ".join(f"{name} {version(name)}" for name in packages)
+    pages = [HEAD, f"Python {python_version()}, {used}."]
+    for name, title, table in SECTIONS:
+        if not wanted or name in wanted:
+            lines = [f"## {title}", "", *table()]
+            print("\n".join(lines), end="\n\n", flush=True)
+            pages.append("\n".join(lines))
+    if not wanted:
+        Path("docs", "performance.md").write_text("\n\n".join(pages) + "\n")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
