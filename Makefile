@@ -37,7 +37,8 @@ unit: $(READY) ## unit, property, contract and integration tests with coverage
 	@$(BIN)/coverage combine --quiet
 	@$(BIN)/coverage report --skip-covered
 
-proof: $(READY) ## slow proof: the demo over ten seeds
+proof: $(READY) ## slow proof: exactness against GUDHI, the demo over ten seeds
+	$(BIN)/python benchmarks/exactness.py
 	$(BIN)/python benchmarks/demo_seeds.py
 
 bench: $(READY) ## compare with peers in the same run; writes docs/performance.md

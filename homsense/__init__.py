@@ -24,6 +24,7 @@ from homsense.motion import ImuMotion, MotionModel, OdometryMotion
 from homsense.nerve import landmark_complex, observation_complex
 from homsense.pose import Delta
 from homsense.prior import GaussianPrior, HeadingPrior, PolygonPrior, Prior, UniformPrior
+from homsense.quarantine import Displaced, displaced
 from homsense.range_check import RangePoint, choose_cut, range_curve
 from homsense.relation import VisibilityRelation
 from homsense.scan import Reading, visible_landmarks
@@ -36,6 +37,7 @@ __all__ = [
     "ComputationLimitError",
     "CountNoise",
     "Delta",
+    "Displaced",
     "FreeSpace",
     "GaussianPrior",
     "Grid",
@@ -67,6 +69,7 @@ __all__ = [
     "WitnessFiltration",
     "calibrate_r_geo",
     "choose_cut",
+    "displaced",
     "landmark_complex",
     "observation_complex",
     "range_curve",

@@ -30,7 +30,7 @@ class Engine(NamedTuple):
 
     name: str
     insert: Callable[[FacetTable, Ragged], None]
-    sense: Callable[[FacetTable, Version, Numbers, Sequence[int]], Neighborhoods]
+    sense: Callable[[FacetTable, Version, Numbers, Sequence[int], Numbers], Neighborhoods]
     history: Callable[[Ragged, Sequence[int]], History]
 
 
@@ -65,7 +65,7 @@ def warmed() -> Engine:
     table = FacetTable()
     seeds = np.array([table.number("warm")], np.int32)
     engine.insert(table, Ragged.of([[0]]))
-    engine.sense(table, table.version(), seeds, [0])
+    engine.sense(table, table.version(), seeds, [0], seeds[:0])
     engine.history(Ragged.of([[0]]), [1])
     return engine
 

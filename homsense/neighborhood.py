@@ -32,7 +32,9 @@ class Neighborhoods(NamedTuple):
     homology: History
 
 
-def sense(_: FacetTable, version: Version, seeds: Numbers, radii: Sequence[int]) -> Neighborhoods:
+def sense(
+    _: FacetTable, version: Version, seeds: Numbers, radii: Sequence[int], without: Numbers
+) -> Neighborhoods:
     """Find hop neighborhoods and count their holes in one pass.
 
     Parameters
@@ -43,17 +45,19 @@ def sense(_: FacetTable, version: Version, seeds: Numbers, radii: Sequence[int])
         Landmark numbers at 0 hops, distinct.
     radii : sequence of int
         Hops, rising.
+    without : ndarray, int32
+        Landmarks that are left out of the complex.
 
     Returns
     -------
     Neighborhoods
         One for each radius.
     """
-    order, ends = hop_order(version, seeds, radii)
+    order, ends = hop_order(version, seeds, radii, without)
     return Neighborhoods(order, ends, history(dual_rows(version, order), ends.tolist()))
 
 
-def rings(version: Version, seeds: Numbers) -> Iterator[Numbers]:
+def rings(version: Version, seeds: Numbers, without: Numbers | None = None) -> Iterator[Numbers]:
     """Yield the landmarks at 0, 1, 2... hops in the 1-skeleton, until there are no more.
 
     Parameters
@@ -62,6 +66,8 @@ def rings(version: Version, seeds: Numbers) -> Iterator[Numbers]:
         The complex.
     seeds : ndarray, int32
         Landmark numbers at 0 hops, distinct.
+    without : ndarray, int32, optional
+        Landmarks that are left out of the complex.
 
     Yields
     ------
@@ -69,8 +75,10 @@ def rings(version: Version, seeds: Numbers) -> Iterator[Numbers]:
         Landmark numbers; each facet is expanded once.
     """
     reached = np.zeros(version.n_landmarks, np.bool_)
+    if without is not None:
+        reached[without] = True
     expanded = np.zeros(version.n_facets, np.bool_)
-    ring = seeds
+    ring = seeds[~reached[seeds]]
     while len(ring):
         yield ring
         reached[ring] = True
@@ -81,7 +89,9 @@ def rings(version: Version, seeds: Numbers) -> Iterator[Numbers]:
         ring = found[~reached[found]]
 
 
-def hop_order(version: Version, seeds: Numbers, radii: Sequence[int]) -> tuple[Numbers, Offsets]:
+def hop_order(
+    version: Version, seeds: Numbers, radii: Sequence[int], without: Numbers | None = None
+) -> tuple[Numbers, Offsets]:
     """Return the landmarks within some numbers of hops, nearest first.
 
     Parameters
@@ -92,6 +102,8 @@ def hop_order(version: Version, seeds: Numbers, radii: Sequence[int]) -> tuple[N
         Landmark numbers at 0 hops, distinct.
     radii : sequence of int
         Hops, rising.
+    without : ndarray, int32, optional
+        Landmarks that are left out of the complex.
 
     Returns
     -------
@@ -101,7 +113,7 @@ def hop_order(version: Version, seeds: Numbers, radii: Sequence[int]) -> tuple[N
         How many of them lie within each radius.
     """
     found: list[Numbers] = []
-    for hops, ring in enumerate(rings(version, seeds)):
+    for hops, ring in enumerate(rings(version, seeds, without)):
         if hops > radii[-1]:
             break
         found.append(ring)
@@ -111,7 +123,11 @@ def hop_order(version: Version, seeds: Numbers, radii: Sequence[int]) -> tuple[N
 
 
 def metric_order(
-    version: Version, seeds: Numbers, radii_m: Sequence[float], range_m: NDArray[np.float64]
+    version: Version,
+    seeds: Numbers,
+    radii_m: Sequence[float],
+    range_m: NDArray[np.float64],
+    without: Numbers,
 ) -> tuple[Numbers, Offsets]:
     """Return the landmarks within some pseudo-distances, nearest first.
 
@@ -129,6 +145,8 @@ def metric_order(
         r_pseudo, metres, rising.
     range_m : ndarray, shape (n_landmarks,), float64
         Range of each landmark, metres, positive.
+    without : ndarray, int32
+        Landmarks that are left out of the complex.
 
     Returns
     -------
@@ -137,7 +155,8 @@ def metric_order(
     ends : ndarray, shape (len(radii_m),), int64
         How many of them lie within each radius.
     """
-    distance = dict.fromkeys(seeds.tolist(), 0.0)
+    left_out = set(without.tolist())
+    distance = dict.fromkeys(set(seeds.tolist()) - left_out, 0.0)
     entered: set[int] = set()
     queue = [(float(range_m[seed]) / 2, seed) for seed in distance]
     heapify(queue)
@@ -148,7 +167,7 @@ def metric_order(
         entered.update(fresh)
         for other in set(version.rows(np.array(fresh, np.int32)).values.tolist()):
             there = halfway + float(range_m[other]) / 2
-            if other not in distance and there <= radii_m[-1]:
+            if other not in distance and other not in left_out and there <= radii_m[-1]:
                 distance[other] = there
                 heappush(queue, (there + float(range_m[other]) / 2, other))
     order = sorted(distance, key=lambda landmark: (distance[landmark], landmark))

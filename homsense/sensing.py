@@ -100,6 +100,7 @@ def sense_local_homology(
     hops: Iterable[int] = (2, 3),
     *,
     lasting: bool = False,
+    without: Iterable[str] = (),
 ) -> list[LocalHomology]:
     """Count the holes of the landmark complex near a visible set (Algorithm 3).
 
@@ -113,6 +114,8 @@ def sense_local_homology(
         Radii of the neighborhoods, near and far in the paper; any order, not negative.
     lasting : bool, default False
         Whether to look one hop farther and tell how many holes live on there.
+    without : iterable of str
+        Landmarks that are left out of the complex, such as those in quarantine.
 
     Returns
     -------
@@ -133,7 +136,7 @@ def sense_local_homology(
     wanted = list(hops)
     farther = {radius + 1 for radius in wanted} if lasting else set[int]()
     rising = sorted(farther.union(wanted))
-    found = landmark_complex.sense(visible, rising)
+    found = landmark_complex.sense(visible, rising, without)
     return [
         _level(
             landmark_complex,
@@ -151,6 +154,8 @@ def sense_within(
     visible: Iterable[str],
     r_pseudo_m: Iterable[float],
     s_max_m: float | Mapping[str, float],
+    *,
+    without: Iterable[str] = (),
 ) -> list[LocalHomology]:
     """Count the holes within some pseudo-distances of a visible set (Algorithm 3, r_pseudo).
 
@@ -165,6 +170,8 @@ def sense_within(
     s_max_m : float or mapping of str to float
         The length of every edge of the 1-skeleton, metres; or the range of each landmark, and an
         edge is as long as the mean of its two.
+    without : iterable of str
+        Landmarks that are left out of the complex.
 
     Returns
     -------
@@ -186,7 +193,10 @@ def sense_within(
     rising = neighborhood.rising(sorted(wanted))
     ranges = _ranges(landmark_complex, s_max_m)
     seeds = landmark_complex.numbers(observation(visible))
-    order, ends = neighborhood.metric_order(landmark_complex.version, seeds, rising, ranges)
+    left_out = landmark_complex.numbers(without)
+    order, ends = neighborhood.metric_order(
+        landmark_complex.version, seeds, rising, ranges, left_out
+    )
     homology = landmark_complex.homology_along(order, ends.tolist())
     found = Neighborhoods(order, ends, homology)
     return [

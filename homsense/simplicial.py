@@ -263,7 +263,9 @@ class LandmarkComplex:
         rows = bit_masks(neighborhood.dual_rows(self._version, landmarks))
         return euler.euler_characteristic(rows, max_terms=max_terms)
 
-    def sense(self, visible: Iterable[str], radii: Iterable[int]) -> Neighborhoods:
+    def sense(
+        self, visible: Iterable[str], radii: Iterable[int], without: Iterable[str] = ()
+    ) -> Neighborhoods:
         """Return the hop neighborhoods of a visible set with their homology, in one pass.
 
         Parameters
@@ -272,6 +274,8 @@ class LandmarkComplex:
             Start of the search; unknown landmarks are ignored.
         radii : iterable of int
             Hops in the 1-skeleton, not negative, not decreasing.
+        without : iterable of str
+            Landmarks that are left out of the complex.
 
         Returns
         -------
@@ -285,7 +289,8 @@ class LandmarkComplex:
         """
         wanted = neighborhood.rising(radii)
         seeds = self.numbers(observation(visible))
-        return self._engine.sense(self._table, self._version, seeds, wanted)
+        left_out = self.numbers(without)
+        return self._engine.sense(self._table, self._version, seeds, wanted, left_out)
 
     def homology_along(self, order: Numbers, ends: Sequence[int]) -> History:
         """Return the homology of the full subcomplexes on the first landmarks of an order.

@@ -81,6 +81,22 @@ class RawComplex:
 
 
 @dataclass(frozen=True, slots=True)
+class Quarantined:
+    """A transmitter that is left out because it seems to have moved."""
+
+    landmark: str
+    reason: str
+    hops_apart: int | None
+    here: tuple[str, ...]
+    there: tuple[str, ...]
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Self:
+        """Return the value of an answer."""
+        return cls(**{**data, "here": tuple(data["here"]), "there": tuple(data["there"])})
+
+
+@dataclass(frozen=True, slots=True)
 class Complex:
     """The landmark complex of a site."""
 
@@ -95,12 +111,17 @@ class Complex:
     euler: int | None
     quorum: int
     raw: RawComplex
+    quarantined: tuple[Quarantined, ...]
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Self:
         """Return the value of an answer."""
-        raw = RawComplex.from_json(data["raw"])
-        return cls(**{**data, "betti": tuple(data["betti"]), "raw": raw})
+        parts = {
+            "betti": tuple(data["betti"]),
+            "raw": RawComplex.from_json(data["raw"]),
+            "quarantined": tuple(map(Quarantined.from_json, data["quarantined"])),
+        }
+        return cls(**{**data, **parts})
 
 
 @dataclass(frozen=True, slots=True)

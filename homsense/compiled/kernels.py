@@ -57,7 +57,7 @@ def insert(table: FacetTable, scans: Ragged) -> None:
 
 
 def sense(
-    table: FacetTable, version: Version, seeds: Numbers, radii: Sequence[int]
+    table: FacetTable, version: Version, seeds: Numbers, radii: Sequence[int], without: Numbers
 ) -> Neighborhoods:
     """Find hop neighborhoods and count their holes in one pass.
 
@@ -71,6 +71,8 @@ def sense(
         Landmark numbers at 0 hops, distinct.
     radii : sequence of int
         Hops, rising.
+    without : ndarray, int32
+        Landmarks that are left out of the complex.
 
     Returns
     -------
@@ -80,7 +82,7 @@ def sense(
     workspace = table.workspace
     if not isinstance(workspace, sensing.Workspace) or not workspace.suffices(version):
         table.workspace = workspace = sensing.Workspace.of(version)
-    order, ends, components, bars = _sense(version, seeds, np.array(radii), workspace)
+    order, ends, components, bars = _sense(version, seeds, np.array(radii), without, workspace)
     return Neighborhoods(order, ends, _as_history(components, bars))
 
 
@@ -137,9 +139,9 @@ def _outermost(fingerprint: str) -> tuple[Callable[..., Any], ...]:
             ends, scans, first, starts, points, by, posting, postings, used, tally, counts
         )
 
-    def sense(version, seeds, radii, workspace):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    def sense(version, seeds, radii, without, workspace):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
         fingerprint  # noqa: B018
-        return sensing.sense(version, seeds, radii, workspace)
+        return sensing.sense(version, seeds, radii, without, workspace)
 
     def history(ends, points, n_points, n_whole, stages):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
         fingerprint  # noqa: B018

@@ -84,7 +84,7 @@ class Workspace(NamedTuple):
 
 @allocating
 def sense(
-    version: Version, seeds: Ints, radii: Ints, workspace: Workspace
+    version: Version, seeds: Ints, radii: Ints, without: Ints, workspace: Workspace
 ) -> tuple[Ints, Ints, Ints, Ints]:
     """Return the landmarks by nearness, the end of each neighborhood, and their homology.
 
@@ -96,6 +96,8 @@ def sense(
         Landmark numbers at 0 hops, distinct.
     radii : ndarray, int64
         Hops, rising.
+    without : ndarray, int32
+        Landmarks that are left out of the complex.
     workspace : Workspace
         Marks.
 
@@ -111,7 +113,7 @@ def sense(
     ends = np.empty(len(radii), np.int64)
     while True:
         points = np.empty(workspace.counts[1], np.int32)
-        n_points, n_whole = _search(version, seeds, radii, workspace, ends, points)
+        n_points, n_whole = _search(version, seeds, radii, without, workspace, ends, points)
         if n_points >= 0:
             break
         workspace.counts[1] *= 2
@@ -123,7 +125,13 @@ def sense(
 
 @apart
 def _search(
-    version: Version, seeds: Ints, radii: Ints, workspace: Workspace, ends: Ints, points: Ints
+    version: Version,
+    seeds: Ints,
+    radii: Ints,
+    without: Ints,
+    workspace: Workspace,
+    ends: Ints,
+    points: Ints,
 ) -> tuple[int, int]:
     """Search hop by hop; the posting list of each landmark met is a row of the dual.
 
@@ -134,10 +142,13 @@ def _search(
     workspace.counts[0] += 1
     query, n_facets = workspace.counts[0], version.n_facets
     found = n_points = n_whole = hops = place = size = 0
-    for landmark in seeds:
+    for landmark in without:
         workspace.landmark_mark[landmark] = query
-        workspace.order[found] = landmark
-        found += 1
+    for landmark in seeds:
+        if workspace.landmark_mark[landmark] != query:
+            workspace.landmark_mark[landmark] = query
+            workspace.order[found] = landmark
+            found += 1
     for stage in range(len(radii) + 1):
         is_last = stage == len(radii)
         while hops < radii[stage] if not is_last else place < found:

@@ -85,7 +85,7 @@ class Operations:
         return Ingested(sum(fresh), len(fresh) - sum(fresh), dropped, version.number)
 
     def sense(self, name: str, question: schemas.LocalHomologyIn) -> Sensed:
-        """Count the holes near a scan, among what a quorum has seen and among everything."""
+        """Count the holes near a scan, in what a quorum has seen and in everything."""
         site = self.sites.get(name)
         visible = site.visible(schemas.readings(question.landmarks))
         if question.r_pseudo_m is not None:
@@ -93,7 +93,8 @@ class Operations:
         else:
             hops = tuple(question.hops or site.config.hops)
             levels = site.sense(visible, hops, lasting=question.lasting)
-        raw = levels if site.config.quorum == 1 else site.sense_raw(visible, levels)
+        is_raw = site.config.quorum == 1 and not site.complex.quarantine
+        raw = levels if is_raw else site.sense_raw(visible, levels)
         return Sensed(site, visible, levels, raw)
 
     def open_session(self, name: str, request: schemas.SessionIn) -> Session:

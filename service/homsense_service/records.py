@@ -24,6 +24,8 @@ class SiteConfig:
         Oldest sighting that counts, seconds.
     quorum : int
         Distinct devices that must have seen landmarks together.
+    quarantine : bool
+        Whether transmitters that seem to have moved are left out.
     r_geo_m : tuple of float, optional
         Geodetic radius of each neighborhood, metres; calibrated from the scans when absent.
     distance : {"euclidean", "geodesic"}
@@ -39,6 +41,7 @@ class SiteConfig:
     min_rssi_dbm: float | None = None
     max_age_s: float | None = None
     quorum: int = 1
+    quarantine: bool = True
     r_geo_m: tuple[float, ...] | None = None
     distance: Literal["euclidean", "geodesic"] = "euclidean"
     origin: tuple[float, float] | None = None

@@ -21,6 +21,7 @@ from homsense_service.sites import ComplexVersion, MapVersion, Site
 
 LEVELS = (0.5, 0.9, 0.95)
 MAX_MODES = 16
+MAX_BESIDE = 8
 EULER_TERMS = 20_000
 
 
@@ -51,7 +52,7 @@ def render_map(version: MapVersion) -> schemas.MapOut:
 
 def render_complex(version: ComplexVersion) -> schemas.ComplexOut:
     """Return the numbers of a complex."""
-    grown = version.landmark_complex
+    grown = version.sensed
     return schemas.ComplexOut(
         version=version.number,
         digest=grown.digest(),
@@ -63,11 +64,24 @@ def render_complex(version: ComplexVersion) -> schemas.ComplexOut:
         betti=list(grown.betti_numbers()),
         euler=_euler(grown),
         quorum=version.filtration.depth,
+        quarantined=[_quarantined(found) for found in version.quarantine],
         raw=schemas.RawComplexOut(
             landmarks=version.raw.n_landmarks,
             facets=version.raw.n_facets,
             betti=list(version.raw.betti_numbers()),
         ),
+    )
+
+
+def _quarantined(found: homsense.Displaced) -> schemas.QuarantinedOut:
+    way = "nothing else joins" if found.hops_apart is None else f"are {found.hops_apart} hops"
+    apart = "" if found.hops_apart is None else " apart without it"
+    return schemas.QuarantinedOut(
+        landmark=found.landmark,
+        reason=f"it was seen at two places that {way}{apart}",
+        hops_apart=found.hops_apart,
+        here=list(found.here[:MAX_BESIDE]),
+        there=list(found.there[:MAX_BESIDE]),
     )
 
 
@@ -126,7 +140,7 @@ def render_sensed(sensed: Sensed, *, cycles: bool) -> schemas.LocalHomologyOut:
     version = sensed.site.complex
     return schemas.LocalHomologyOut(
         complex_version=version.number,
-        known=len(version.landmark_complex.numbers(sensed.visible)),
+        known=len(version.landmark_complex.numbers(sensed.visible - version.left_out)),
         levels=[
             _level(level, raw, cycles=cycles)
             for level, raw in zip(sensed.levels, sensed.raw, strict=True)

@@ -4,7 +4,7 @@ import hashlib
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import homsense
@@ -53,17 +53,33 @@ class ComplexVersion:
         Who contributed.
     generation : int
         Changes whenever the complex itself does; names what is derived from it.
+    quarantine : tuple of homsense.Displaced
+        Transmitters that seem to have moved; they are not sensed.
     """
 
     filtration: homsense.WitnessFiltration
     number: int
     devices: frozenset[str]
     generation: int
+    quarantine: tuple[homsense.Displaced, ...] = ()
 
     @property
     def landmark_complex(self) -> homsense.LandmarkComplex:
-        """The complex that is sensed: what a quorum of devices has seen."""
+        """What a quorum of devices has seen, quarantined transmitters among it."""
         return self.filtration.level(self.filtration.depth)
+
+    @property
+    def left_out(self) -> frozenset[str]:
+        """The quarantined transmitters."""
+        return frozenset(found.landmark for found in self.quarantine)
+
+    @property
+    def sensed(self) -> homsense.LandmarkComplex:
+        """What a quorum of devices has seen, without quarantined transmitters."""
+        everything = self.landmark_complex
+        if not self.quarantine:
+            return everything
+        return everything.induced(everything.landmarks - self.left_out)
 
     @property
     def raw(self) -> homsense.LandmarkComplex:
@@ -90,7 +106,8 @@ class Site:
         self._sample: dict[bytes, frozenset[str]] = {}
         self.complex = self._nothing(generation=0)
         self._sensed: OrderedDict[
-            tuple[frozenset[str], tuple[int, ...], bool], list[homsense.LocalHomology]
+            tuple[frozenset[str], frozenset[str], tuple[int, ...], bool],
+            list[homsense.LocalHomology],
         ] = OrderedDict()
         self._heights: dict[tuple[Any, ...], homsense.HeightMap] = {}
         self._caching = threading.Lock()
@@ -130,10 +147,19 @@ class Site:
         self._keep_sample(scans, observations)
         devices = now.devices.union(scan.device for scan in scans)
         changed = grown.level(grown.depth) is not before.level(before.depth)
-        self.complex = ComplexVersion(
-            grown, now.number + len(scans), devices, now.generation + changed
+        fresh = ComplexVersion(
+            grown,
+            now.number + len(scans),
+            devices,
+            now.generation + changed,
+            now.quarantine,
         )
-        return self.complex
+        if changed and self.config.quarantine:
+            touched = now.left_out.union(*observations)
+            found = homsense.displaced(fresh.landmark_complex, touched)
+            fresh = replace(fresh, quarantine=tuple(found))
+        self.complex = fresh
+        return fresh
 
     def _keep_sample(
         self, scans: Sequence[StoredScan], observations: Sequence[frozenset[str]]
@@ -151,11 +177,15 @@ class Site:
         self, visible: frozenset[str], hops: tuple[int, ...], *, lasting: bool = False
     ) -> list[homsense.LocalHomology]:
         """Return the local homology of a visible set, counted once until it can have changed."""
-        grown = self.complex.landmark_complex.run_by(self._engine())
-        key = (grown.names(grown.numbers(visible)), hops, lasting)
+        current = self.complex
+        grown = current.landmark_complex.run_by(self._engine())
+        left_out = current.left_out
+        key = (grown.names(grown.numbers(visible - left_out)), left_out, hops, lasting)
         found = self._sensed.get(key)
         if found is None or not all(level.holds_in(grown) for level in found):
-            found = homsense.sense_local_homology(grown, key[0], hops, lasting=lasting)
+            found = homsense.sense_local_homology(
+                grown, key[0], hops, lasting=lasting, without=left_out
+            )
         with self._caching:
             self._sensed[key] = found
             self._sensed.move_to_end(key)
@@ -167,8 +197,11 @@ class Site:
         self, visible: frozenset[str], r_pseudo_m: Sequence[float]
     ) -> list[homsense.LocalHomology]:
         """Return the local homology within some pseudo-distances."""
-        grown = self.complex.landmark_complex.run_by(self._engine())
-        return homsense.sense_within(grown, visible, r_pseudo_m, self.config.s_max_m)
+        current = self.complex
+        grown = current.landmark_complex.run_by(self._engine())
+        return homsense.sense_within(
+            grown, visible, r_pseudo_m, self.config.s_max_m, without=current.left_out
+        )
 
     def sense_raw(
         self, visible: frozenset[str], levels: Sequence[homsense.LocalHomology]
@@ -327,7 +360,13 @@ class SiteRegistry:
 
 def _sees_differently(before: SiteConfig, after: SiteConfig) -> bool:
     def sensing(config: SiteConfig) -> tuple[object, ...]:
-        return config.landmark_key, config.min_rssi_dbm, config.max_age_s, config.quorum
+        return (
+            config.landmark_key,
+            config.min_rssi_dbm,
+            config.max_age_s,
+            config.quorum,
+            config.quarantine,
+        )
 
     return sensing(before) != sensing(after)
 

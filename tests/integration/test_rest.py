@@ -203,6 +203,29 @@ def test_a_quorum_keeps_out_what_a_single_device_says(api: TestClient) -> None:
     assert problem(refused)["errors"][0]["field"] == "quorum"
 
 
+def test_a_transmitter_that_has_moved_is_left_out_and_the_reason_told(api: TestClient) -> None:
+    path = "/v1/sites/street"
+    street = [[f"l{n + i:02d}" for i in range(3)] for n in range(20)]
+    car = [["car", f"l{n:02d}", f"l{n + 1:02d}"] for n in (2, 3, 4, 14, 15, 16)]
+    api.put(path, json={"hops": [1, 2], "landmark_key": "ssid"})
+    scans = [scan(n, *names) for n, names in enumerate([*street, *car])]
+    api.post(f"{path}/scans", json={"scans": scans[:23]})
+    assert api.get(f"{path}/complex").json()["quarantined"] == []
+    api.post(f"{path}/scans", json={"scans": scans[23:]})
+    answer = api.get(f"{path}/complex").json()
+    (found,) = answer["quarantined"]
+    assert (found["landmark"], found["hops_apart"]) == ("car", 5)
+    assert "5 hops apart without it" in found["reason"]
+    assert {found["here"][0], found["there"][0]} == {"l02", "l14"}
+    assert (answer["landmarks"], answer["raw"]["landmarks"]) == (22, 23)
+    assert (answer["betti"], answer["raw"]["betti"]) == ([1, 0], [1, 1])
+    question = {"landmarks": ["car", "l03"], "hops": [3]}
+    (level,) = api.post(f"{path}/local-homology", json=question).json()["levels"]
+    assert (level["holes"], level["raw_holes"]) == (0, 1)
+    api.put(path, json={"hops": [1, 2], "landmark_key": "ssid", "quarantine": False})
+    assert api.get(f"{path}/complex").json()["betti"] == [1, 1]
+
+
 def test_the_range_self_check_finds_the_cut_at_which_holes_last(api: TestClient) -> None:
     levels = {"ab": -50, "bc": -50, "cd": -52, "da": -52, "abcd": -75}
     scans = [

@@ -54,7 +54,10 @@ def test_both_engines_sense_the_same(
 ) -> None:
     assert NUMBA
     k = LandmarkComplex.from_observations(observations, PYTHON)
-    reference, other = (k.run_by(e).sense(visible, sorted(hops)) for e in (PYTHON, NUMBA))
+    left_out = sorted(k.landmarks)[::3] if len(hops) > 1 else []
+    reference, other = (
+        k.run_by(e).sense(visible, sorted(hops), left_out) for e in (PYTHON, NUMBA)
+    )
     assert other.homology == reference.homology
     assert other.ends.tolist() == reference.ends.tolist()
     for start, end in pairwise([0, *reference.ends.tolist()]):

@@ -169,6 +169,25 @@ def test_local_homology_is_that_of_the_induced_subcomplex(
         assert level.n_facets == len(maximal_sets(f & level.landmarks for f in k.facets))
 
 
+@given(OBSERVATIONS, OBSERVATION, OBSERVATION, HOPS)
+def test_what_is_left_out_is_not_in_the_complex(
+    observations: Observations, visible: frozenset[str], gone: frozenset[str], hops: list[int]
+) -> None:
+    k = LandmarkComplex.from_observations(observations)
+    rest = k.induced(k.landmarks - gone)
+    metres = [80.0 * radius for radius in hops]
+    for level, other in zip(
+        [
+            *sense_local_homology(k, visible, hops, without=gone),
+            *sense_within(k, visible, metres, 80.0, without=gone),
+        ],
+        [*sense_local_homology(rest, visible, hops), *sense_within(rest, visible, metres, 80.0)],
+        strict=True,
+    ):
+        assert level.landmarks == other.landmarks
+        assert level.betti == other.betti
+
+
 @given(OBSERVATIONS, OBSERVATION, HOPS)
 def test_equal_ranges_make_metres_of_hops(
     observations: Observations, visible: frozenset[str], hops: list[int]

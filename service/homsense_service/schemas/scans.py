@@ -111,8 +111,18 @@ class RawComplexOut(Wire):
     betti: list[int]
 
 
+class QuarantinedOut(Wire):
+    """A transmitter that is left out because it seems to have moved."""
+
+    landmark: str
+    reason: str
+    hops_apart: int | None = Field(description="null when nothing else joins its two places.")
+    here: list[str] = Field(description="Some of the landmarks seen beside it at one place.")
+    there: list[str] = Field(description="Some of those at the other.")
+
+
 class ComplexOut(Wire):
-    """The landmark complex of a site: what a quorum of devices has seen."""
+    """What a quorum of devices has seen, without the transmitters in quarantine."""
 
     version: int
     digest: str
@@ -125,6 +135,7 @@ class ComplexOut(Wire):
     euler: int | None = Field(description="null when the complex is too dense to tell.")
     quorum: int = Field(description="Distinct devices that must have seen landmarks together.")
     raw: RawComplexOut
+    quarantined: list[QuarantinedOut]
 
 
 class RangePointOut(Wire):

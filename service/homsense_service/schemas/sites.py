@@ -34,6 +34,9 @@ class SiteIn(Wire):
         le=MAX_QUORUM,
         description="Distinct devices that must have seen landmarks together.",
     )
+    quarantine: bool = Field(
+        default=True, description="Leave out transmitters that join regions far apart otherwise."
+    )
     expected: Literal["geometric"] = Field(
         default="geometric", description="How counts are expected: structures within r_geo."
     )
@@ -66,6 +69,7 @@ class SiteIn(Wire):
             min_rssi_dbm=self.min_rssi_dbm,
             max_age_s=self.max_age_s,
             quorum=self.quorum,
+            quarantine=self.quarantine,
             r_geo_m=None if self.r_geo_m is None else tuple(self.r_geo_m),
             distance=self.distance,
             origin=None if self.origin is None else (self.origin.lat, self.origin.lon),
@@ -82,6 +86,7 @@ class SiteIn(Wire):
             min_rssi_dbm=config.min_rssi_dbm,
             max_age_s=config.max_age_s,
             quorum=config.quorum,
+            quarantine=config.quarantine,
             r_geo_m=None if config.r_geo_m is None else list(config.r_geo_m),
             distance=config.distance,
             origin=None
