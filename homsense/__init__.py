@@ -5,6 +5,7 @@ Localization", ICRA 2013. Pure: values in, values out.
 """
 
 from homsense.calibration import calibrate_r_geo
+from homsense.epochs import EpochFiltration
 from homsense.errors import (
     ComputationLimitError,
     HomsenseError,
@@ -38,6 +39,7 @@ __all__ = [
     "CountNoise",
     "Delta",
     "Displaced",
+    "EpochFiltration",
     "FreeSpace",
     "GaussianPrior",
     "Grid",

@@ -1,5 +1,6 @@
 """The composition root: settings -> application."""
 
+import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from importlib.metadata import version
@@ -43,7 +44,7 @@ def create_app(
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         store = open_store(chosen.data)
         try:
-            registry = SiteRegistry(store, chosen, WarmingEngine(chosen.engine))
+            registry = SiteRegistry(store, chosen, WarmingEngine(chosen.engine), time.time)
             table = SessionTable(chosen.max_sessions)
             app.state.operations = Operations(registry, table, chosen)
             app.state.metrics = Metrics(lambda: len(registry.all()), lambda: len(table))

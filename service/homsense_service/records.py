@@ -26,6 +26,9 @@ class SiteConfig:
         Distinct devices that must have seen landmarks together.
     quarantine : bool
         Whether transmitters that seem to have moved are left out.
+    retention : tuple of (float, int), optional
+        Length of an epoch, seconds, and how many count, the current one included; all scans count
+        when absent.
     r_geo_m : tuple of float, optional
         Geodetic radius of each neighborhood, metres; calibrated from the scans when absent.
     distance : {"euclidean", "geodesic"}
@@ -42,6 +45,7 @@ class SiteConfig:
     max_age_s: float | None = None
     quorum: int = 1
     quarantine: bool = True
+    retention: tuple[float, int] | None = None
     r_geo_m: tuple[float, ...] | None = None
     distance: Literal["euclidean", "geodesic"] = "euclidean"
     origin: tuple[float, float] | None = None

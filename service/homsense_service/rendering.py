@@ -17,7 +17,8 @@ from homsense.skeleton import n_edges, skeleton
 from homsense_service import schemas
 from homsense_service.operations import Sensed
 from homsense_service.sessions import Fix, Session
-from homsense_service.sites import ComplexVersion, MapVersion, Site
+from homsense_service.sites import Site
+from homsense_service.versions import ComplexVersion, MapVersion
 
 LEVELS = (0.5, 0.9, 0.95)
 MAX_MODES = 16

@@ -9,7 +9,8 @@ from typing import Any, TypeVar
 
 import homsense
 from homsense_service.errors import CapacityError, SequenceConflictError, SessionNotFoundError
-from homsense_service.sites import MapVersion, Site
+from homsense_service.sites import Site
+from homsense_service.versions import MapVersion
 
 _REMEMBERED = 1024
 

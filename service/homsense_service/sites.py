@@ -4,7 +4,7 @@ import hashlib
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import homsense
@@ -13,78 +13,9 @@ from homsense_service.errors import MapMissingError, SiteNotFoundError
 from homsense_service.records import SiteConfig, StoredReading, StoredScan
 from homsense_service.settings import Settings
 from homsense_service.store import Store
+from homsense_service.versions import ComplexVersion, MapVersion
 
 _SENSE_CACHE = 4096
-
-
-@dataclass(frozen=True)
-class MapVersion:
-    """One version of a site's map with what localization needs of it.
-
-    Parameters
-    ----------
-    document : dict
-        GeoJSON as it was put.
-    site_map : homsense.SiteMap
-        The map itself.
-    free_space : homsense.FreeSpace
-        Its free cells.
-    digest : str
-        Content hash: the version.
-    """
-
-    document: dict[str, Any]
-    site_map: homsense.SiteMap
-    free_space: homsense.FreeSpace
-    digest: str
-
-
-@dataclass(frozen=True)
-class ComplexVersion:
-    """One version of a site's complex.
-
-    Parameters
-    ----------
-    filtration : homsense.WitnessFiltration
-        The complexes by witnesses; as many levels as the quorum.
-    number : int
-        Scans in the log when it was reached; grows with every scan.
-    devices : frozenset of str
-        Who contributed.
-    generation : int
-        Changes whenever the complex itself does; names what is derived from it.
-    quarantine : tuple of homsense.Displaced
-        Transmitters that seem to have moved; they are not sensed.
-    """
-
-    filtration: homsense.WitnessFiltration
-    number: int
-    devices: frozenset[str]
-    generation: int
-    quarantine: tuple[homsense.Displaced, ...] = ()
-
-    @property
-    def landmark_complex(self) -> homsense.LandmarkComplex:
-        """What a quorum of devices has seen, quarantined transmitters among it."""
-        return self.filtration.level(self.filtration.depth)
-
-    @property
-    def left_out(self) -> frozenset[str]:
-        """The quarantined transmitters."""
-        return frozenset(found.landmark for found in self.quarantine)
-
-    @property
-    def sensed(self) -> homsense.LandmarkComplex:
-        """What a quorum of devices has seen, without quarantined transmitters."""
-        everything = self.landmark_complex
-        if not self.quarantine:
-            return everything
-        return everything.induced(everything.landmarks - self.left_out)
-
-    @property
-    def raw(self) -> homsense.LandmarkComplex:
-        """The complex of all that any device has seen."""
-        return self.filtration.level(1)
 
 
 class Site:
@@ -121,8 +52,8 @@ class Site:
             self._sensed.clear()
 
     def _nothing(self, generation: int) -> ComplexVersion:
-        filtration = homsense.WitnessFiltration(self.config.quorum, self._engine())
-        return ComplexVersion(filtration, 0, frozenset(), generation)
+        empty = homsense.WitnessFiltration(self.config.quorum, self._engine())
+        return ComplexVersion(homsense.EpochFiltration(empty), 0, frozenset(), generation)
 
     def readings(self, stored: Iterable[StoredReading]) -> list[homsense.Reading]:
         """Return readings whose identifiers compare as the site's configuration says."""
@@ -137,29 +68,44 @@ class Site:
             max_age_s=self.config.max_age_s,
         )
 
-    def absorb(self, scans: Sequence[StoredScan]) -> ComplexVersion:
-        """Join scans into the complex; the caller holds `writing`."""
+    def absorb(self, scans: Sequence[StoredScan], now_s: float) -> ComplexVersion:
+        """Join scans that still count into the complex; the caller holds `writing`."""
         observations = [self.visible(scan.readings) for scan in scans]
-        now = self.complex
-        seen = [(scan.device, visible) for scan, visible in zip(scans, observations, strict=True)]
-        before = now.filtration.run_by(self._engine())
-        grown = before.with_observations(seen)
         self._keep_sample(scans, observations)
-        devices = now.devices.union(scan.device for scan in scans)
-        changed = grown.level(grown.depth) is not before.level(before.depth)
+        now = self.complex
+        before = now.epochs.run_by(self._engine())
+        first, current = self._epochs_that_count(now_s)
+        kept = before.since(first)
+        seen = [
+            (min(epoch, current), scan.device, visible)
+            for scan, visible in zip(scans, observations, strict=True)
+            if (epoch := self._epoch(scan.observed_at)) >= first
+        ]
+        grown = kept.with_observations(seen)
+        depth = self.config.quorum
+        changed = grown.merged.level(depth) is not before.merged.level(depth)
         fresh = ComplexVersion(
             grown,
             now.number + len(scans),
-            devices,
+            now.devices.union(scan.device for scan in scans),
             now.generation + changed,
             now.quarantine,
         )
         if changed and self.config.quarantine:
-            touched = now.left_out.union(*observations)
+            touched = now.left_out.union(*observations) if kept is before else None
             found = homsense.displaced(fresh.landmark_complex, touched)
             fresh = replace(fresh, quarantine=tuple(found))
         self.complex = fresh
         return fresh
+
+    def _epoch(self, moment_s: float) -> int:
+        return 0 if self.config.retention is None else int(moment_s // self.config.retention[0])
+
+    def _epochs_that_count(self, now_s: float) -> tuple[int, int]:
+        """Return the first and the current one; later scans count as current."""
+        current = self._epoch(now_s)
+        count = 1 if self.config.retention is None else self.config.retention[1]
+        return current + 1 - count, current
 
     def _keep_sample(
         self, scans: Sequence[StoredScan], observations: Sequence[frozenset[str]]
@@ -267,12 +213,19 @@ class SiteRegistry:
         Limits and resolutions.
     engine : callable
         Returns what runs the hot loops.
+    clock : callable
+        Returns Unix seconds.
     """
 
     def __init__(
-        self, store: Store, settings: Settings, engine: Callable[[], Engine] = fastest
+        self,
+        store: Store,
+        settings: Settings,
+        engine: Callable[[], Engine],
+        clock: Callable[[], float],
     ) -> None:
         self._store = store
+        self._clock = clock
         self._settings = settings
         self._engine = engine
         self._lock = threading.Lock()
@@ -332,7 +285,7 @@ class SiteRegistry:
         with site.writing:
             fresh = self._store.add_scans(site.name, scans)
             new = [scan for scan, is_new in zip(scans, fresh, strict=True) if is_new]
-            return fresh, site.absorb(new)
+            return fresh, site.absorb(new, self._clock())
 
     def range_curve(self, site: Site) -> list[homsense.RangePoint]:
         """Return the range self-check over all scans of a site."""
@@ -355,7 +308,7 @@ class SiteRegistry:
 
     def _rebuild(self, site: Site) -> None:
         site.forget()
-        site.absorb(list(self._store.scans(site.name)))
+        site.absorb(list(self._store.scans(site.name)), self._clock())
 
 
 def _sees_differently(before: SiteConfig, after: SiteConfig) -> bool:
@@ -366,6 +319,7 @@ def _sees_differently(before: SiteConfig, after: SiteConfig) -> bool:
             config.max_age_s,
             config.quorum,
             config.quarantine,
+            config.retention,
         )
 
     return sensing(before) != sensing(after)

@@ -8,7 +8,12 @@ from hypothesis import strategies as st
 from support.oracles import all_faces, faces_by_witnesses
 from support.strategies import LANDMARKS
 
-from homsense import InvalidConfigurationError, WitnessFiltration, sense_local_homology
+from homsense import (
+    EpochFiltration,
+    InvalidConfigurationError,
+    WitnessFiltration,
+    sense_local_homology,
+)
 
 WITNESS = st.sampled_from("abcd")
 SCAN = st.frozensets(LANDMARKS, max_size=5)
@@ -93,3 +98,21 @@ def test_levels_that_are_not_kept_are_refused() -> None:
         WitnessFiltration(2).level(3)
     with pytest.raises(TypeError):
         WitnessFiltration(2) | WitnessFiltration(3)
+
+
+EPOCHS = st.lists(st.tuples(st.integers(0, 4), WITNESS, SCAN), max_size=14)
+
+
+@given(EPOCHS, EPOCHS, st.integers(1, 3), st.integers(0, 5))
+def test_what_is_older_than_an_epoch_was_never_seen(
+    before: list[tuple[int, str, frozenset[str]]],
+    after: list[tuple[int, str, frozenset[str]]],
+    depth: int,
+    epoch: int,
+) -> None:
+    empty = WitnessFiltration(depth)
+    kept = EpochFiltration(empty).with_observations(before).since(epoch)
+    built = kept.with_observations(after)
+    left = [*(entry for entry in before if entry[0] >= epoch), *after]
+    assert built.epochs == sorted({entry[0] for entry in left})
+    assert built.merged.digest() == empty.with_observations(e[1:] for e in left).digest()

@@ -8,6 +8,14 @@ from homsense_service.records import SiteConfig
 from homsense_service.schemas.wire import HopList, Origin, Wire
 
 MAX_QUORUM = 4
+DAY_S = 86_400.0
+
+
+class Retention(Wire):
+    """How long scans count."""
+
+    epoch_days: float = Field(gt=0, le=3660, description="Scans are forgotten by epochs.")
+    epochs: int = Field(ge=1, le=64, description="Epochs that count, the current one included.")
 
 
 class SiteIn(Wire):
@@ -36,6 +44,9 @@ class SiteIn(Wire):
     )
     quarantine: bool = Field(
         default=True, description="Leave out transmitters that join regions far apart otherwise."
+    )
+    retention: Retention | None = Field(
+        default=None, description="How long scans count; for ever when absent."
     )
     expected: Literal["geometric"] = Field(
         default="geometric", description="How counts are expected: structures within r_geo."
@@ -70,6 +81,9 @@ class SiteIn(Wire):
             max_age_s=self.max_age_s,
             quorum=self.quorum,
             quarantine=self.quarantine,
+            retention=None
+            if self.retention is None
+            else (self.retention.epoch_days * DAY_S, self.retention.epochs),
             r_geo_m=None if self.r_geo_m is None else tuple(self.r_geo_m),
             distance=self.distance,
             origin=None if self.origin is None else (self.origin.lat, self.origin.lon),
@@ -87,6 +101,11 @@ class SiteIn(Wire):
             max_age_s=config.max_age_s,
             quorum=config.quorum,
             quarantine=config.quarantine,
+            retention=None
+            if config.retention is None
+            else Retention(
+                epoch_days=config.retention[0] / DAY_S, epochs=int(config.retention[1])
+            ),
             r_geo_m=None if config.r_geo_m is None else list(config.r_geo_m),
             distance=config.distance,
             origin=None

@@ -4,6 +4,8 @@ from homsense_service.records import SiteConfig, StoredReading, StoredScan
 from homsense_service.settings import Settings
 from homsense_service.sites import Site
 
+NOW_S = 1000.0
+
 
 def _scans(first: int, count: int) -> list[StoredScan]:
     return [
@@ -14,10 +16,10 @@ def _scans(first: int, count: int) -> list[StoredScan]:
 
 def test_a_sample_in_use_survives_scans_that_pour_in() -> None:
     site = Site("a", SiteConfig(), Settings(calibration_scans=5))
-    site.absorb(_scans(0, 20))
+    site.absorb(_scans(0, 20), NOW_S)
     in_use = site._sample
     before = dict(in_use)
-    site.absorb(_scans(20, 200))
+    site.absorb(_scans(20, 200), NOW_S)
     assert in_use == before
     assert len(site._sample) == 5
     assert site._sample != before
@@ -25,24 +27,43 @@ def test_a_sample_in_use_survives_scans_that_pour_in() -> None:
 
 def test_an_answer_is_counted_again_only_when_its_neighborhood_has_changed() -> None:
     site = Site("a", SiteConfig(), Settings())
-    site.absorb(_scans(0, 20))
+    site.absorb(_scans(0, 20), NOW_S)
     visible = frozenset({"l0", "not known yet"})
     near = site.sense(visible, (2,))
-    site.absorb(_scans(100, 5))
+    site.absorb(_scans(100, 5), NOW_S)
     assert site.sense(visible, (2,)) is near
-    site.absorb(_scans(2, 1))
+    site.absorb(_scans(2, 1), NOW_S)
     assert site.sense(visible, (2,)) is near
-    site.absorb([StoredScan("p", "x", 0.0, (StoredReading("l2"), StoredReading("l9")))])
+    site.absorb([StoredScan("p", "x", 0.0, (StoredReading("l2"), StoredReading("l9")))], NOW_S)
     changed = site.sense(visible, (2,))
     assert changed is not near
     assert changed[0].landmark_complex.n_landmarks > near[0].landmark_complex.n_landmarks
-    site.absorb([StoredScan("p", "y", 0.0, (StoredReading("not known yet"), StoredReading("z")))])
+    site.absorb(
+        [StoredScan("p", "y", 0.0, (StoredReading("not known yet"), StoredReading("z")))], NOW_S
+    )
     assert "z" in site.sense(visible, (2,))[0].landmarks
 
 
 def test_the_sample_does_not_depend_on_the_order_of_arrival() -> None:
     one, other = (Site("a", SiteConfig(), Settings(calibration_scans=5)) for _ in range(2))
-    one.absorb(_scans(0, 60))
+    one.absorb(_scans(0, 60), NOW_S)
     for scan in reversed(_scans(0, 60)):
-        other.absorb([scan])
+        other.absorb([scan], NOW_S)
     assert one._sample == other._sample
+
+
+def test_scans_are_forgotten_by_epochs_and_the_clock_of_a_phone_decides_nothing() -> None:
+    def seen(name: str, at_s: float) -> StoredScan:
+        return StoredScan("phone", name, at_s, (StoredReading(name), StoredReading("hub")))
+
+    site = Site("a", SiteConfig(retention=(100.0, 2)), Settings())
+    site.absorb([seen("old", 50.0), seen("last", 150.0), seen("now", 250.0)], 299.0)
+    assert site.complex.landmark_complex.landmarks == {"last", "now", "hub"}
+    site.absorb([seen("late", 180.0), seen("2038", 2.1e9)], 299.0)
+    assert site.complex.landmark_complex.landmarks == {"last", "late", "now", "2038", "hub"}
+    generation = site.complex.generation
+    site.absorb([], 301.0)
+    assert site.complex.landmark_complex.landmarks == {"now", "2038", "hub"}
+    assert site.complex.generation > generation
+    site.absorb([], 500.0)
+    assert site.complex.landmark_complex.n_landmarks == 0

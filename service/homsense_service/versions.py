@@ -1,0 +1,81 @@
+"""What a site is at one moment: its map, and what its scans say."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import homsense
+
+
+@dataclass(frozen=True)
+class MapVersion:
+    """One version of a site's map with what localization needs of it.
+
+    Parameters
+    ----------
+    document : dict
+        GeoJSON as it was put.
+    site_map : homsense.SiteMap
+        The map itself.
+    free_space : homsense.FreeSpace
+        Its free cells.
+    digest : str
+        Content hash: the version.
+    """
+
+    document: dict[str, Any]
+    site_map: homsense.SiteMap
+    free_space: homsense.FreeSpace
+    digest: str
+
+
+@dataclass(frozen=True)
+class ComplexVersion:
+    """One version of a site's complex.
+
+    Parameters
+    ----------
+    epochs : homsense.EpochFiltration
+        The complexes by epochs and witnesses; as many levels as the quorum.
+    number : int
+        Scans in the log when it was reached; grows with every scan.
+    devices : frozenset of str
+        Who contributed.
+    generation : int
+        Changes whenever the complex itself does; names what is derived from it.
+    quarantine : tuple of homsense.Displaced
+        Transmitters that seem to have moved; they are not sensed.
+    """
+
+    epochs: homsense.EpochFiltration
+    number: int
+    devices: frozenset[str]
+    generation: int
+    quarantine: tuple[homsense.Displaced, ...] = ()
+
+    @property
+    def filtration(self) -> homsense.WitnessFiltration:
+        """The complexes by witnesses, of all epochs that count."""
+        return self.epochs.merged
+
+    @property
+    def landmark_complex(self) -> homsense.LandmarkComplex:
+        """What a quorum of devices has seen, quarantined transmitters among it."""
+        return self.filtration.level(self.filtration.depth)
+
+    @property
+    def left_out(self) -> frozenset[str]:
+        """The quarantined transmitters."""
+        return frozenset(found.landmark for found in self.quarantine)
+
+    @property
+    def sensed(self) -> homsense.LandmarkComplex:
+        """What a quorum of devices has seen, without quarantined transmitters."""
+        everything = self.landmark_complex
+        if not self.quarantine:
+            return everything
+        return everything.induced(everything.landmarks - self.left_out)
+
+    @property
+    def raw(self) -> homsense.LandmarkComplex:
+        """The complex of all that any device has seen."""
+        return self.filtration.level(1)
