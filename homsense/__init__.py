@@ -33,6 +33,12 @@ from homsense.sensing import LocalHomology, sense_local_homology, sense_within
 from homsense.simplicial import LandmarkComplex
 from homsense.site_map import SiteMap
 from homsense.witness import WitnessFiltration
+from homsense.witness_check import (
+    WitnessPoint,
+    median_witnesses,
+    suggested_quorum,
+    witness_curve,
+)
 
 __all__ = [
     "ComputationLimitError",
@@ -69,13 +75,17 @@ __all__ = [
     "UniformPrior",
     "VisibilityRelation",
     "WitnessFiltration",
+    "WitnessPoint",
     "calibrate_r_geo",
     "choose_cut",
     "displaced",
     "landmark_complex",
+    "median_witnesses",
     "observation_complex",
     "range_curve",
     "sense_local_homology",
     "sense_within",
+    "suggested_quorum",
     "visible_landmarks",
+    "witness_curve",
 ]

@@ -11,10 +11,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from homsense.engine import Engine, fastest
+from homsense.engine import Engine
 from homsense.errors import ComputationLimitError, InvalidInputError
-from homsense.facet_table import Ragged
 from homsense.history import History
+from homsense.nested import nested_homology
 from homsense.scan import Reading, visible_landmarks
 from homsense.simplicial import LandmarkComplex
 
@@ -105,7 +105,7 @@ def range_curve(
         for cut in cuts_dbm
     ]
     complexes = [LandmarkComplex.from_observations(observations, engine) for observations in seen]
-    stages = _nested_homology(complexes, engine or fastest())
+    stages = nested_homology(complexes, engine)
     return [
         RangePoint(
             cut,
@@ -143,18 +143,6 @@ def _default_cuts(heard: Iterable[Iterable[Reading]]) -> list[float]:
     weakest = min(strengths, default=STRONGEST_DBM)
     steps = max(0, math.ceil((STRONGEST_DBM - weakest) / STEP_DB))
     return [STRONGEST_DBM - STEP_DB * step for step in range(steps + 1)]
-
-
-def _nested_homology(complexes: Sequence[LandmarkComplex], engine: Engine) -> History:
-    """Return the homology of complexes, each inside the next."""
-    number: dict[str, int] = {}
-    rows: list[list[int]] = []
-    ends: list[int] = []
-    for grown in complexes:
-        facets = sorted(map(sorted, grown.facets))
-        rows += [[number.setdefault(name, len(number)) for name in facet] for facet in facets]
-        ends.append(len(rows))
-    return engine.history(Ragged.of(rows), ends)
 
 
 def _stable(stages: History, at: int) -> int:

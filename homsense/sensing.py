@@ -1,6 +1,6 @@
 """The homological sensor: Algorithm 3, senseLocalHomology."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -100,7 +100,7 @@ def sense_local_homology(
     hops: Iterable[int] = (2, 3),
     *,
     lasting: bool = False,
-    without: Iterable[str] = (),
+    without: Collection[str] = (),
 ) -> list[LocalHomology]:
     """Count the holes of the landmark complex near a visible set (Algorithm 3).
 
@@ -114,7 +114,7 @@ def sense_local_homology(
         Radii of the neighborhoods, near and far in the paper; any order, not negative.
     lasting : bool, default False
         Whether to look one hop farther and tell how many holes live on there.
-    without : iterable of str
+    without : collection of str
         Landmarks that are left out of the complex, such as those in quarantine.
 
     Returns
@@ -155,7 +155,7 @@ def sense_within(
     r_pseudo_m: Iterable[float],
     s_max_m: float | Mapping[str, float],
     *,
-    without: Iterable[str] = (),
+    without: Collection[str] = (),
 ) -> list[LocalHomology]:
     """Count the holes within some pseudo-distances of a visible set (Algorithm 3, r_pseudo).
 
@@ -170,7 +170,7 @@ def sense_within(
     s_max_m : float or mapping of str to float
         The length of every edge of the 1-skeleton, metres; or the range of each landmark, and an
         edge is as long as the mean of its two.
-    without : iterable of str
+    without : collection of str
         Landmarks that are left out of the complex.
 
     Returns

@@ -6,7 +6,7 @@ file knows the names of the landmarks; below it they are numbers.
 
 import hashlib
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import Self
 
 import numpy as np
@@ -20,6 +20,8 @@ from homsense.neighborhood import Neighborhoods
 from homsense.scan import observation
 
 Simplex = frozenset[str]
+
+_NOBODY = np.empty(0, np.int32)
 
 
 class LandmarkComplex:
@@ -264,7 +266,7 @@ class LandmarkComplex:
         return euler.euler_characteristic(rows, max_terms=max_terms)
 
     def sense(
-        self, visible: Iterable[str], radii: Iterable[int], without: Iterable[str] = ()
+        self, visible: Iterable[str], radii: Iterable[int], without: Collection[str] = ()
     ) -> Neighborhoods:
         """Return the hop neighborhoods of a visible set with their homology, in one pass.
 
@@ -274,7 +276,7 @@ class LandmarkComplex:
             Start of the search; unknown landmarks are ignored.
         radii : iterable of int
             Hops in the 1-skeleton, not negative, not decreasing.
-        without : iterable of str
+        without : collection of str
             Landmarks that are left out of the complex.
 
         Returns
@@ -289,7 +291,7 @@ class LandmarkComplex:
         """
         wanted = neighborhood.rising(radii)
         seeds = self.numbers(observation(visible))
-        left_out = self.numbers(without)
+        left_out = self.numbers(without) if without else _NOBODY
         return self._engine.sense(self._table, self._version, seeds, wanted, left_out)
 
     def homology_along(self, order: Numbers, ends: Sequence[int]) -> History:

@@ -18,7 +18,7 @@ from homsense_service import schemas
 from homsense_service.operations import Sensed
 from homsense_service.sessions import Fix, Session
 from homsense_service.sites import Site
-from homsense_service.versions import ComplexVersion, MapVersion
+from homsense_service.versions import ComplexVersion, MapVersion, WitnessCheck
 
 LEVELS = (0.5, 0.9, 0.95)
 MAX_MODES = 16
@@ -132,6 +132,26 @@ def render_range_curve(site: Site, curve: list[homsense.RangePoint]) -> schemas.
                 stable=point.stable,
             )
             for point in curve
+        ],
+    )
+
+
+def render_witness_curve(site: Site, check: WitnessCheck) -> schemas.WitnessCurveOut:
+    """Return the witness check of a site."""
+    return schemas.WitnessCurveOut(
+        version=site.complex.number,
+        quorum=site.config.quorum,
+        median_witnesses=check.median_witnesses,
+        suggested_quorum=homsense.suggested_quorum(check.median_witnesses),
+        points=[
+            schemas.WitnessPointOut(
+                witnesses=point.witnesses,
+                landmarks=point.landmarks,
+                facets=point.facets,
+                betti=list(point.betti),
+                lasting=point.lasting,
+            )
+            for point in check.points
         ],
     )
 

@@ -13,7 +13,7 @@ from homsense_service.errors import MapMissingError, SiteNotFoundError
 from homsense_service.records import SiteConfig, StoredReading, StoredScan
 from homsense_service.settings import Settings
 from homsense_service.store import Store
-from homsense_service.versions import ComplexVersion, MapVersion
+from homsense_service.versions import ComplexVersion, MapVersion, WitnessCheck
 
 _SENSE_CACHE = 4096
 
@@ -291,6 +291,14 @@ class SiteRegistry:
         """Return the range self-check over all scans of a site."""
         heard = (site.readings(scan.readings) for scan in self._store.scans(site.name))
         return homsense.range_curve(heard, max_age_s=site.config.max_age_s, engine=self._engine())
+
+    def witness_curve(self, site: Site) -> WitnessCheck:
+        """Return the witness check over all scans of a site."""
+        seen = [
+            (scan.device, site.visible(scan.readings)) for scan in self._store.scans(site.name)
+        ]
+        median = homsense.median_witnesses(seen)
+        return WitnessCheck(median, homsense.witness_curve(seen, engine=self._engine()))
 
     def read_map(self, document: dict[str, Any], config: SiteConfig) -> MapVersion:
         """Return the version that a document describes, without storing it."""

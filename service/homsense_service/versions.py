@@ -79,3 +79,19 @@ class ComplexVersion:
     def raw(self) -> homsense.LandmarkComplex:
         """The complex of all that any device has seen."""
         return self.filtration.level(1)
+
+
+@dataclass(frozen=True)
+class WitnessCheck:
+    """What the complex would be if more devices had to agree.
+
+    Parameters
+    ----------
+    median_witnesses : float
+        Distinct devices that have seen a landmark, in the median.
+    points : list of homsense.WitnessPoint
+        One for each number of witnesses.
+    """
+
+    median_witnesses: float
+    points: list[homsense.WitnessPoint]

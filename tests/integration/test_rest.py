@@ -194,6 +194,10 @@ def test_a_quorum_keeps_out_what_a_single_device_says(api: TestClient) -> None:
     assert (answer["quorum"], answer["betti"], answer["raw"]["betti"]) == (2, [1, 1], [1, 0])
     (level,) = api.post(f"{path}/local-homology", json={"landmarks": ["a"]}).json()["levels"]
     assert (level["holes"], level["raw_holes"]) == (1, 0)
+    curve = api.get(f"{path}/complex?curve=witnesses").json()
+    assert [point["betti"][1] for point in curve["points"]] == [0, 1, 1, 0]
+    assert [point["witnesses"] for point in curve["points"]] == [1, 2, 3, 4]
+    assert (curve["quorum"], curve["median_witnesses"], curve["suggested_quorum"]) == (2, 3.0, 1)
     question = {"landmarks": ["a"], "r_pseudo_m": [500.0]}
     (level,) = api.post(f"{path}/local-homology", json=question).json()["levels"]
     assert (level["holes"], level["raw_holes"]) == (1, 0)

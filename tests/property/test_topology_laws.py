@@ -114,6 +114,17 @@ def test_order_and_duplication_of_scans_change_nothing(
     assert hash(one) == hash(other)
 
 
+@given(OBSERVATIONS, OBSERVATION, HOPS, st.randoms(use_true_random=False))
+def test_order_and_duplication_of_scans_change_no_hop_history(
+    observations: Observations, visible: frozenset[str], hops: list[int], rng: random.Random
+) -> None:
+    shuffled = [*observations, *rng.choices(observations or [frozenset()], k=5)]
+    rng.shuffle(shuffled)
+    one = LandmarkComplex.from_observations(observations).sense(visible, sorted(hops))
+    other = LandmarkComplex.from_observations(shuffled).sense(visible, sorted(hops))
+    assert one.homology == other.homology
+
+
 @given(OBSERVATIONS, OBSERVATION)
 def test_a_scan_inside_a_facet_changes_nothing(
     observations: Observations, kept: frozenset[str]

@@ -5,7 +5,7 @@ import random
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from support.oracles import all_faces, faces_by_witnesses
+from support.oracles import all_faces, faces_by_witnesses, gudhi_rank
 from support.strategies import LANDMARKS
 
 from homsense import (
@@ -13,6 +13,7 @@ from homsense import (
     InvalidConfigurationError,
     WitnessFiltration,
     sense_local_homology,
+    witness_curve,
 )
 
 WITNESS = st.sampled_from("abcd")
@@ -39,6 +40,15 @@ def test_order_and_duplication_change_no_level(
     for observed in shuffled:
         built = built.with_observations([observed])
     assert built.digest() == WitnessFiltration(depth).with_observations(crowd).digest()
+
+
+@given(CROWD)
+def test_lasting_holes_are_the_rank_between_neighbor_levels(crowd: Crowd) -> None:
+    filtration = WitnessFiltration(3).with_observations(crowd)
+    for point in witness_curve(crowd, depth=3):
+        here, fewer = (filtration.level(max(1, point.witnesses - n)) for n in (0, 1))
+        assert point.betti == here.betti_numbers()
+        assert point.lasting == gudhi_rank(here.facets, fewer.facets)
 
 
 @given(CROWD, CROWD, st.integers(1, 3))

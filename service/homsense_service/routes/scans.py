@@ -36,13 +36,15 @@ def get_complex(
         Query(description="Export the complex instead of its numbers."),
     ] = None,
     curve: Annotated[
-        Literal["rssi"] | None,
-        Query(description="What the complex would be over RSSI cuts, and the cut to choose."),
+        Literal["rssi", "witnesses"] | None,
+        Query(description="What it would be over RSSI cuts, or over numbers of witnesses."),
     ] = None,
-) -> schemas.ComplexOut | schemas.RangeCurveOut | dict[str, Any]:
-    """Return the numbers of the complex, or the complex itself, or its range self-check."""
+) -> schemas.ComplexOut | schemas.RangeCurveOut | schemas.WitnessCurveOut | dict[str, Any]:
+    """Return the numbers of the complex, or the complex itself, or one of its self-checks."""
     found = operations.sites.get(site)
-    if curve is not None:
+    if curve == "witnesses":
+        return rendering.render_witness_curve(found, operations.sites.witness_curve(found))
+    if curve == "rssi":
         return rendering.render_range_curve(found, operations.sites.range_curve(found))
     version = found.complex
     if format is None:

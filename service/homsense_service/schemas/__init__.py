@@ -26,6 +26,8 @@ from homsense_service.schemas.scans import (
     ScansIn,
     ScansOut,
     Track,
+    WitnessCurveOut,
+    WitnessPointOut,
 )
 from homsense_service.schemas.sessions import (
     DeltaIn,
@@ -112,5 +114,7 @@ __all__ = [
     "Track",
     "UniformIn",
     "Wire",
+    "WitnessCurveOut",
+    "WitnessPointOut",
     "readings",
 ]

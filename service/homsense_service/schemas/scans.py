@@ -162,6 +162,26 @@ class RangeCurveOut(Wire):
     points: list[RangePointOut]
 
 
+class WitnessPointOut(Wire):
+    """What the complex would be for one number of witnesses."""
+
+    witnesses: int
+    landmarks: int
+    facets: int
+    betti: list[int]
+    lasting: int = Field(description="Holes that are still there with one witness fewer.")
+
+
+class WitnessCurveOut(Wire):
+    """The witness check of a site."""
+
+    version: int
+    quorum: int = Field(description="The quorum in force.")
+    median_witnesses: float = Field(description="Distinct devices that have seen a landmark.")
+    suggested_quorum: int = Field(description="Grows with the density of the crowd.")
+    points: list[WitnessPointOut]
+
+
 PseudoRadius = Annotated[float, Field(ge=0, le=1e6)]
 
 
