@@ -138,9 +138,7 @@ class Version(NamedTuple):
         Ragged
             One rising list for each landmark.
         """
-        starts = self.posting_start[landmarks]
-        ends, places = _spread(starts + 1, self.postings[starts].astype(np.int64))
-        found = self.postings[places]
+        ends, found = self._regions(landmarks)
         seen = found < self.n_facets
         seen[seen] = self.swallowed_by[found[seen]] >= self.n_facets
         return Ragged(np.concatenate([[0], np.cumsum(seen)])[ends], found[seen])
@@ -158,10 +156,14 @@ class Version(NamedTuple):
         int
             A facet number, or -1.
         """
-        starts = self.posting_start[landmarks]
-        _, places = _spread(starts + 1, self.postings[starts].astype(np.int64))
-        found = self.postings[places]
+        _, found = self._regions(landmarks)
         return int(found[found < self.n_facets].max(initial=-1))
+
+    def _regions(self, landmarks: Numbers) -> Ragged:
+        """Return all that stands in the regions of some landmarks."""
+        starts = self.posting_start[landmarks]
+        ends, places = _spread(starts + 1, self.postings[starts].astype(np.int64))
+        return Ragged(ends, self.postings[places])
 
 
 def _spread(starts: Offsets, lengths: Offsets) -> tuple[Offsets, Offsets]:
