@@ -48,6 +48,18 @@ def test_both_engines_tell_the_same_history_of_hundreds_of_holes(seed: int) -> N
     assert most > 64
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_both_engines_tell_the_same_history_of_many_overlapping_rows(seed: int) -> None:
+    """Beyond 256 rows the compiled engine collapses first."""
+    assert NUMBA
+    rng = np.random.default_rng(seed)
+    rows, points = rng.random((400, 1, 2)), rng.random((1, 300, 2))
+    holds = np.linalg.norm(rows - points, axis=2) < 0.04 + 0.02 * seed
+    holds &= rng.random(holds.shape) > (0.0, 0.2)[seed % 2]
+    ragged = Ragged.of([np.flatnonzero(row).tolist() for row in holds])
+    assert NUMBA.history(ragged, [90, 250, 400]) == PYTHON.history(ragged, [90, 250, 400])
+
+
 @given(OBSERVATIONS, OBSERVATION, HOPS)
 def test_both_engines_sense_the_same(
     observations: Observations, visible: frozenset[str], hops: list[int]
