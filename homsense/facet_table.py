@@ -234,17 +234,12 @@ class FacetTable:
         by_landmark = np.argsort(rows.values, kind="stable")
         counts = np.bincount(rows.values, minlength=n_landmarks)
         table.used = counts.astype(np.int32)
-        table.posting_start = 2 + np.concatenate([[0], np.cumsum(counts + 2)[:-1]]).astype(
-            np.int64
-        )
-        if not n_landmarks:
-            table.posting_start = np.full(0, _NO_REGION, np.int64)
+        table.posting_start = np.cumsum(counts + 2) - counts
         table.n_postings = 2 + len(by_landmark) + 2 * n_landmarks
         table.postings = np.full(table.n_postings, NEVER, np.int32)
         table.postings[_NO_REGION] = 0
         table.postings[table.posting_start] = counts
-        ends, places = _spread(table.posting_start + 1, counts.astype(np.int64))
-        assert ends[-1] == len(by_landmark)
+        _, places = _spread(table.posting_start + 1, counts.astype(np.int64))
         table.postings[places] = facet_of[by_landmark]
         return table
 

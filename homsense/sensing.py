@@ -233,9 +233,8 @@ def _ranges(
     count = landmark_complex.n_landmarks
     if isinstance(s_max_m, Mapping):
         ranges = np.zeros(count)
-        ranges[landmark_complex.numbers(s_max_m)] = [
-            s_max_m[name] for name in s_max_m if landmark_complex.numbers([name]).size
-        ]
+        for name, range_m in s_max_m.items():
+            ranges[landmark_complex.numbers([name])] = range_m
     else:
         ranges = np.full(count, float(s_max_m))
     if not np.all(ranges > 0.0):
