@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from homsense.compiled.jit import allocating, inlined
+from homsense.compiled.jit import allocating, apart, inlined
 
 Ints = NDArray[Any]
 
@@ -58,44 +58,24 @@ def without_lowest(word: Any) -> Any:
     return word & (word - ONE)
 
 
-@allocating
-def bit_strings(ends: Ints, points: Ints, n_points: int) -> BitStrings:
-    """Return lists of points as bit strings.
+@inlined
+def lowest_member(place: int, word: Any) -> Any:
+    """Return the lowest member of a string in one word that is not zero.
 
-    Parameters
-    ----------
-    ends, points : ndarray, int64 and int32
-        Lists in the form of `Ragged`.
-    n_points : int
-        All points lie below.
-
-    Returns
-    -------
-    BitStrings
-        One string for each list.
+    It is unsigned: numba asks of every signed index whether it counts from the end.
     """
-    total, width = len(ends) - 1, (n_points >> 6) + 1
-    at, low = np.empty(total, np.int64), np.zeros(total, np.int64)
-    high = np.full(total, width)
-    size = 0
-    for row in range(total):
-        if width > _NARROW:
-            least, most = n_points, NONE
-            for entry in range(ends[row], ends[row + 1]):
-                least, most = min(least, points[entry]), max(most, points[entry])
-            low[row], high[row] = least >> 6, (most >> 6) + 1
-        at[row] = size - low[row]
-        size += max(0, high[row] - low[row])
-    words = np.zeros(size, np.uint64)
-    for row in range(total):
-        for entry in range(ends[row], ends[row + 1]):
-            words[at[row] + (points[entry] >> 6)] |= ONE << np.uint64(points[entry] & 63)
-    return BitStrings(words, at, low, high, np.diff(ends))
+    return np.uint32((place << 6) + lowest_bit(word))
+
+
+@inlined
+def word_of(strings: BitStrings, at: int, place: int) -> Any:
+    """Return one word of a string that begins at ``at`` and has it."""
+    return strings.words[np.uint64(at + place)]
 
 
 @allocating
-def transposed(ends: Ints, points: Ints, n_points: int) -> BitStrings:
-    """Return, for each point, the lists that hold it.
+def both_ways(ends: Ints, points: Ints, n_points: int) -> tuple[BitStrings, BitStrings]:
+    """Return lists of points as bit strings, and for each point the lists that hold it.
 
     Parameters
     ----------
@@ -106,28 +86,57 @@ def transposed(ends: Ints, points: Ints, n_points: int) -> BitStrings:
 
     Returns
     -------
-    BitStrings
+    rows : BitStrings
+        One string for each list.
+    through : BitStrings
         One string for each point.
     """
-    width = (len(ends) >> 6) + 1
-    at, low = np.empty(n_points, np.int64), np.zeros(n_points, np.int64)
-    high, count = np.full(n_points, width), np.zeros(n_points, np.int64)
-    if width > _NARROW:
-        high[:] = 0
-        for row in range(len(ends) - 1):
-            for entry in range(ends[row], ends[row + 1]):
-                point = points[entry]
-                if not count[point]:
-                    low[point] = row >> 6
-                high[point] = (row >> 6) + 1
-                count[point] += 1
-    size = 0
-    for point in range(n_points):
-        at[point] = size - low[point]
-        size += high[point] - low[point]
-    words = np.zeros(size, np.uint64)
-    for row in range(len(ends) - 1):
-        bit = ONE << np.uint64(row & 63)
+    n_rows = len(ends) - 1
+    of_row, of_point = np.empty((4, n_rows), np.int64), np.empty((4, n_points), np.int64)
+    row_words, point_words = _lay_out(ends, points, of_row, of_point)
+    rows = BitStrings(np.zeros(row_words, np.uint64), of_row[0], of_row[1], of_row[2], of_row[3])
+    through = BitStrings(
+        np.zeros(point_words, np.uint64), of_point[0], of_point[1], of_point[2], of_point[3]
+    )
+    _fill(ends, points, rows, through)
+    return rows, through
+
+
+@apart
+def _lay_out(ends: Ints, points: Ints, of_row: Ints, of_point: Ints) -> tuple[int, int]:
+    """Write place, range and size of every string; return how many words there are both ways."""
+    n_rows, n_points = of_row.shape[1], of_point.shape[1]
+    wide_rows, wide_points = n_points >> 6 >= _NARROW, n_rows >> 6 >= _NARROW
+    of_row[1], of_row[2] = 0, (n_points >> 6) + 1
+    of_point[1], of_point[2] = 0, 0 if wide_points else (n_rows >> 6) + 1
+    of_point[3] = 0
+    row_words = point_words = 0
+    for row in range(n_rows):
+        least, most = n_points, NONE
         for entry in range(ends[row], ends[row + 1]):
-            words[at[points[entry]] + (row >> 6)] |= bit
-    return BitStrings(words, at, low, high, count)
+            point = np.uint32(points[entry])
+            least, most = min(least, point), max(most, point)
+            if wide_points:
+                if not of_point[3, point]:
+                    of_point[1, point] = row >> 6
+                of_point[2, point] = (row >> 6) + 1
+            of_point[3, point] += 1
+        if wide_rows:
+            of_row[1, row], of_row[2, row] = least >> 6, (most >> 6) + 1
+        of_row[0, row] = row_words - of_row[1, row]
+        of_row[3, row] = ends[row + 1] - ends[row]
+        row_words += max(0, of_row[2, row] - of_row[1, row])
+    for point in range(n_points):
+        of_point[0, point] = point_words - of_point[1, point]
+        point_words += of_point[2, point] - of_point[1, point]
+    return row_words, point_words
+
+
+@apart
+def _fill(ends: Ints, points: Ints, rows: BitStrings, through: BitStrings) -> None:
+    for row in range(len(ends) - 1):
+        bit, word, at = ONE << np.uint64(row & 63), row >> 6, rows.at[row]
+        for entry in range(ends[row], ends[row + 1]):
+            point = np.uint32(points[entry])
+            rows.words[np.uint64(at + (point >> 6))] |= ONE << np.uint64(point & 63)
+            through.words[np.uint64(through.at[point] + word)] |= bit

@@ -13,8 +13,9 @@ from homsense.compiled.bit_strings import (
     BitStrings,
     Ints,
     count_bits,
-    lowest_bit,
+    lowest_member,
     without_lowest,
+    word_of,
 )
 from homsense.compiled.jit import allocating, apart, inlined
 
@@ -49,7 +50,7 @@ def _find_dominated(
         for word in range(low, high):
             others = common[word]
             while others:
-                other = (word << 6) + lowest_bit(others)
+                other = lowest_member(word, others)
                 others = without_lowest(others)
                 if through.size[other] > size or other < point:
                     dominated[point >> 6] |= ONE << np.uint64(point & 63)
@@ -75,7 +76,7 @@ def _empty_needless(
         for word in range(low, high):
             others = common[word]
             while others:
-                other = (word << 6) + lowest_bit(others)
+                other = lowest_member(word, others)
                 others = without_lowest(others)
                 if other < row or (row < other < stop and rows.size[other] > rows.size[row]):
                     needless = True
@@ -95,22 +96,22 @@ def _in_all(strings: BitStrings, index: int, duals: BitStrings, common: Ints) ->
     first = True
     for sweep in range(2):
         for place in range(strings.low[index], strings.high[index]):
-            members = strings.words[strings.at[index] + place]
+            members = word_of(strings, strings.at[index], place)
             rest = without_lowest(members)
             members = members ^ rest if sweep == 0 else rest
             while members:
-                member = (place << 6) + lowest_bit(members)
+                member = lowest_member(place, members)
                 members = without_lowest(members)
                 at = duals.at[member]
                 if first:
                     first = False
                     low, high = duals.low[member], duals.high[member]
                     for word in range(low, high):
-                        common[word] = duals.words[at + word]
+                        common[word] = word_of(duals, at, word)
                     continue
                 low, high = max(low, duals.low[member]), min(high, duals.high[member])
                 for word in range(low, high):
-                    common[word] &= duals.words[at + word]
+                    common[word] &= word_of(duals, at, word)
                 while low < high and not common[low]:
                     low += 1
                 while low < high and not common[high - 1]:

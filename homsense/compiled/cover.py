@@ -7,7 +7,9 @@ from homsense.compiled.bit_strings import (
     Ints,
     count_bits,
     lowest_bit,
+    lowest_member,
     without_lowest,
+    word_of,
 )
 from homsense.compiled.glue import (
     FIRST,
@@ -22,7 +24,7 @@ from homsense.compiled.glue import (
     slot_of,
 )
 from homsense.compiled.jit import inlined
-from homsense.compiled.labels import FULL, Labels, plane_of
+from homsense.compiled.labels import FULL, Labels, plane_of, plane_word
 
 
 @inlined
@@ -50,7 +52,7 @@ def cover(glue: Glue, labels: Labels, rows: BitStrings, through: BitStrings, las
             place = 0
             while not glue.uncovered[place]:
                 place += 1
-            point = (glue.active[place] << 6) + lowest_bit(glue.uncovered[place])
+            point = lowest_member(glue.active[place], glue.uncovered[place])
             word = through.low[point]
             while not through.words[through.at[point] + word] & glue.added[word]:
                 word += 1
@@ -84,7 +86,7 @@ def _best_overlap(glue: Glue, rows: BitStrings, last: Ints) -> int:
             for place in range(glue.counts[N_ACTIVE]):
                 word = glue.active[place]
                 if rows.low[other] <= word < rows.high[other]:
-                    overlap += count_bits(glue.shared[place] & rows.words[at + word])
+                    overlap += count_bits(glue.shared[place] & word_of(rows, at, word))
             if overlap > best:
                 best, first = overlap, other
     return first
@@ -106,8 +108,8 @@ def _start_piece(glue: Glue, labels: Labels, rows: BitStrings, other: int) -> No
         at = slot_of(glue, labels.generator[plane]) * glue.widest
         for index in range(glue.counts[N_MET]):
             place = glue.met[index]
-            glue.planes[at + place] |= (
-                glue.meeting[index] & (labels.words[labels.at[plane] + glue.active[place]])
+            glue.planes[at + place] |= glue.meeting[index] & plane_word(
+                labels, plane, glue.active[place]
             )
         plane = labels.next_of_row[plane]
 
@@ -121,14 +123,14 @@ def _grow_piece(glue: Glue, labels: Labels, rows: BitStrings, through: BitString
         for place in range(glue.counts[N_ACTIVE]):
             left = glue.uncovered[place]
             while left:
-                point = (glue.active[place] << 6) + lowest_bit(left)
+                point = lowest_member(glue.active[place], left)
                 left = without_lowest(left)
                 at = through.at[point]
                 met = NONE
                 for word in range(through.low[point], through.high[point]):
-                    others = through.words[at + word] & glue.added[word]
+                    others = word_of(through, at, word) & glue.added[word]
                     while others and met == NONE:
-                        other = (word << 6) + lowest_bit(others)
+                        other = lowest_member(word, others)
                         others = without_lowest(others)
                         met = _touching_point(glue, rows, other)
                     if met != NONE:
@@ -146,9 +148,9 @@ def _touching_point(glue: Glue, rows: BitStrings, other: int) -> int:
     for place in range(glue.counts[N_ACTIVE]):
         word = glue.active[place]
         if rows.low[other] <= word < rows.high[other]:
-            meeting = rows.words[at + word] & glue.pieces[piece + place]
+            meeting = word_of(rows, at, word) & glue.pieces[piece + place]
             if meeting:
-                return (word << 6) + lowest_bit(meeting)
+                return int(lowest_member(word, meeting))
     return NONE
 
 
@@ -171,5 +173,5 @@ def _carry(glue: Glue, labels: Labels, rows: BitStrings, other: int, point: int)
             place = glue.met[index]
             carried = flips
             if plane != NONE:
-                carried ^= labels.words[labels.at[plane] + glue.active[place]]
+                carried ^= plane_word(labels, plane, glue.active[place])
             glue.planes[slot * widest + place] |= glue.meeting[index] & carried

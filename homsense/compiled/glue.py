@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from homsense.compiled.bit_strings import NONE, ONE, ZERO, BitStrings, Ints
+from homsense.compiled.bit_strings import NONE, ONE, ZERO, BitStrings, Ints, word_of
 from homsense.compiled.jit import allocating, inlined
 from homsense.compiled.labels import FULL, Labels, plane_of
 
@@ -19,7 +19,7 @@ class Glue(NamedTuple):
 
     Parameters
     ----------
-    active : ndarray, shape (widest,), int64
+    active : ndarray, shape (widest,), uint32
         Numbers of the active words, rising.
     shared, uncovered : ndarray, shape (widest,), uint64
         Points met before; those in no piece yet.
@@ -31,9 +31,9 @@ class Glue(NamedTuple):
         A row of the component of each piece.
     relation : ndarray, shape (room,), int64
         Generators that sum to zero.
-    met, meeting : ndarray, shape (widest,), int64 and uint64
+    met, meeting : ndarray, shape (widest,), uint32 and uint64
         Where one other row shares points, as places in `active`, and those points.
-    outside : ndarray, shape (64 * widest,), int64
+    outside : ndarray, shape (64 * widest,), uint32
         Points beyond the row that covers most.
     added : ndarray, uint64
         The rows before, as one bit string.
@@ -79,7 +79,7 @@ def no_glue(n_rows: int, widest: int, room: int) -> Glue:
         Empty.
     """
     return Glue(
-        np.empty(widest, np.int64),
+        np.empty(widest, np.uint32),
         np.empty(widest, np.uint64),
         np.empty(widest, np.uint64),
         np.empty(room, np.int64),
@@ -87,9 +87,9 @@ def no_glue(n_rows: int, widest: int, room: int) -> Glue:
         np.empty(room * widest, np.uint64),
         np.empty(room, np.int64),
         np.empty(room, np.int64),
-        np.empty(widest, np.int64),
+        np.empty(widest, np.uint32),
         np.empty(widest, np.uint64),
-        np.empty(64 * widest, np.int64),
+        np.empty(64 * widest, np.uint32),
         np.zeros((n_rows >> 6) + 1, np.uint64),
         np.zeros(5, np.int64),
         room,
@@ -139,7 +139,7 @@ def meet(glue: Glue, rows: BitStrings, other: int) -> None:
         if word >= rows.high[other]:
             break
         if word >= rows.low[other]:
-            meeting = glue.shared[place] & rows.words[at + word]
+            meeting = glue.shared[place] & word_of(rows, at, word)
             if meeting:
                 glue.met[n_met] = place
                 glue.meeting[n_met] = meeting

@@ -4,7 +4,7 @@ Such a set of points is a *plane*. Planes hang in two chains: those of a simplex
 generator. Constant planes are left out.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -96,6 +96,12 @@ def plane_of(labels: Labels, row: int, generator: int) -> int:
     while plane != NONE and labels.generator[plane] != generator:
         plane = labels.next_of_row[plane]
     return plane
+
+
+@inlined
+def plane_word(labels: Labels, plane: int, word: int) -> Any:
+    """Return one word of a plane that has it."""
+    return labels.words[np.uint64(labels.at[plane] + word)]
 
 
 @inlined

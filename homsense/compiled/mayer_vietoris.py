@@ -6,7 +6,7 @@ ones.
 
 import numpy as np
 
-from homsense.compiled.bit_strings import NONE, ONE, BitStrings, Ints, bit_strings, transposed
+from homsense.compiled.bit_strings import NONE, ONE, BitStrings, Ints, both_ways
 from homsense.compiled.collapse import collapse
 from homsense.compiled.cover import cover
 from homsense.compiled.glue import N_ACTIVE, N_PIECES, N_SLOTS, Glue, no_glue
@@ -40,7 +40,7 @@ def history(
     bars : ndarray, shape (n_stages, n_stages), int64
         As in `homsense.history.History`.
     """
-    rows, through = bit_strings(ends, points, n_points), transposed(ends, points, n_points)
+    rows, through = both_ways(ends, points, n_points)
     if len(ends) > _WORTH_A_COLLAPSE:
         collapse(rows, through, n_whole, stages)
     widest = 1

@@ -2,7 +2,15 @@
 
 from typing import Any
 
-from homsense.compiled.bit_strings import NONE, ZERO, BitStrings, lowest_bit, without_lowest
+from homsense.compiled.bit_strings import (
+    NONE,
+    ZERO,
+    BitStrings,
+    lowest_bit,
+    lowest_member,
+    without_lowest,
+    word_of,
+)
 from homsense.compiled.glue import (
     FIRST,
     N_ACTIVE,
@@ -23,6 +31,7 @@ from homsense.compiled.labels import (
     Labels,
     new_plane,
     plane_of,
+    plane_word,
     substitute,
 )
 
@@ -55,7 +64,7 @@ def check(glue: Glue, labels: Labels, rows: BitStrings, through: BitStrings, row
         if rows.low[first] <= word < rows.high[first]:
             left &= ~rows.words[rows.at[first] + word]
         while left:
-            point = (word << 6) + lowest_bit(left)
+            point = lowest_member(word, left)
             left = without_lowest(left)
             glue.outside[n_outside] = point
             n_outside += 1
@@ -65,10 +74,10 @@ def check(glue: Glue, labels: Labels, rows: BitStrings, through: BitStrings, row
         for index in range(n_outside):
             point = glue.outside[index]
             if through.low[point] <= word < through.high[point]:
-                others |= through.words[through.at[point] + word]
+                others |= word_of(through, through.at[point], word)
         others &= labels.labelled[word] if plain else glue.added[word]
         while others:
-            other = (word << 6) + lowest_bit(others)
+            other = lowest_member(word, others)
             others = without_lowest(others)
             while not _agree(glue, labels, rows, other) and not labels.counts[FULL]:
                 _kill(glue, labels, rows, row, other)
@@ -85,7 +94,7 @@ def _agree(glue: Glue, labels: Labels, rows: BitStrings, other: int) -> bool:
             place = glue.met[index]
             apart = glue.planes[slot * glue.widest + place]
             if plane != NONE:
-                apart ^= labels.words[labels.at[plane] + glue.active[place]]
+                apart ^= plane_word(labels, plane, glue.active[place])
             some |= apart & glue.meeting[index]
             rest |= ~apart & glue.meeting[index]
             if some and rest:
@@ -95,7 +104,7 @@ def _agree(glue: Glue, labels: Labels, rows: BitStrings, other: int) -> bool:
         if slot_of(glue, labels.generator[plane]) == NONE:
             some = rest = ZERO
             for index in range(glue.counts[N_MET]):
-                apart = labels.words[labels.at[plane] + glue.active[glue.met[index]]]
+                apart = plane_word(labels, plane, glue.active[glue.met[index]])
                 some |= apart & glue.meeting[index]
                 rest |= ~apart & glue.meeting[index]
                 if some and rest:

@@ -159,7 +159,7 @@ def _search(
                     return -1, 0
                 at = start + 1
                 while version.postings[at] < n_facets:
-                    facet = version.postings[at]
+                    facet = np.uint32(version.postings[at])
                     at += 1
                     if version.swallowed_by[facet] < n_facets:
                         continue
@@ -171,7 +171,7 @@ def _search(
                             for entry in range(
                                 version.row_start[facet], version.row_start[facet + 1]
                             ):
-                                landmark = version.points[entry]
+                                landmark = np.uint32(version.points[entry])
                                 if workspace.landmark_mark[landmark] != query:
                                     workspace.landmark_mark[landmark] = query
                                     workspace.order[found] = landmark
