@@ -115,7 +115,7 @@ def _lay_out(ends: Ints, points: Ints, of_row: Ints, of_point: Ints) -> tuple[in
         least, most = n_points, NONE
         for entry in range(ends[row], ends[row + 1]):
             point = np.uint32(points[entry])
-            least, most = min(least, point), max(most, point)
+            least, most = min(least, int(point)), max(most, int(point))
             if wide_points:
                 if not of_point[3, point]:
                     of_point[1, point] = row >> 6
@@ -126,9 +126,9 @@ def _lay_out(ends: Ints, points: Ints, of_row: Ints, of_point: Ints) -> tuple[in
         of_row[0, row] = row_words - of_row[1, row]
         of_row[3, row] = ends[row + 1] - ends[row]
         row_words += max(0, of_row[2, row] - of_row[1, row])
-    for point in range(n_points):
-        of_point[0, point] = point_words - of_point[1, point]
-        point_words += of_point[2, point] - of_point[1, point]
+    for index in range(n_points):
+        of_point[0, index] = point_words - of_point[1, index]
+        point_words += of_point[2, index] - of_point[1, index]
     return row_words, point_words
 
 
