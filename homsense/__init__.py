@@ -4,7 +4,10 @@ The method of J. Derenick, A. Speranzon and R. Ghrist, "Homological Sensing for 
 Localization", ICRA 2013. Pure: values in, values out.
 """
 
+from homsense.adaptive import KldSampling
 from homsense.calibration import calibrate_r_geo
+from homsense.code_map import CodeMap
+from homsense.configuration import LocalizerConfig
 from homsense.epochs import EpochFiltration
 from homsense.errors import (
     ComputationLimitError,
@@ -15,18 +18,21 @@ from homsense.errors import (
     InvalidMapError,
     InvalidScanError,
 )
-from homsense.estimate import Mode, PoseDistribution
+from homsense.estimate import PoseDistribution
 from homsense.free_space import FreeSpace
 from homsense.grid import Grid
 from homsense.height import HeightMap
 from homsense.likelihood import CountNoise
-from homsense.localizer import Localizer, LocalizerConfig, LocalizerState
+from homsense.localizer import Localizer, LocalizerState
+from homsense.modes import Mode
 from homsense.motion import ImuMotion, MotionModel, OdometryMotion
 from homsense.nerve import landmark_complex, observation_complex
+from homsense.particles import Particles
 from homsense.pose import Delta
 from homsense.prior import GaussianPrior, HeadingPrior, PolygonPrior, Prior, UniformPrior
 from homsense.quarantine import Displaced, displaced
 from homsense.range_check import RangePoint, choose_cut, range_curve
+from homsense.recovery import AugmentedMcl, Doubt, Recovery, Relocation
 from homsense.relation import VisibilityRelation
 from homsense.scan import Reading, visible_landmarks
 from homsense.sensing import LocalHomology, sense_local_homology, sense_within
@@ -41,10 +47,13 @@ from homsense.witness_check import (
 )
 
 __all__ = [
+    "AugmentedMcl",
+    "CodeMap",
     "ComputationLimitError",
     "CountNoise",
     "Delta",
     "Displaced",
+    "Doubt",
     "EpochFiltration",
     "FreeSpace",
     "GaussianPrior",
@@ -58,6 +67,7 @@ __all__ = [
     "InvalidInputError",
     "InvalidMapError",
     "InvalidScanError",
+    "KldSampling",
     "LandmarkComplex",
     "LocalHomology",
     "Localizer",
@@ -66,11 +76,14 @@ __all__ = [
     "Mode",
     "MotionModel",
     "OdometryMotion",
+    "Particles",
     "PolygonPrior",
     "PoseDistribution",
     "Prior",
     "RangePoint",
     "Reading",
+    "Recovery",
+    "Relocation",
     "SiteMap",
     "UniformPrior",
     "VisibilityRelation",

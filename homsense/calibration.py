@@ -8,6 +8,7 @@ from scipy.stats import wasserstein_distance
 from homsense.errors import InvalidInputError
 from homsense.free_space import FreeSpace
 from homsense.height import MESH_M, structures_within
+from homsense.philox import Purpose, random_words
 from homsense.site_map import SiteMap
 
 _RADII = 200
@@ -44,8 +45,8 @@ def calibrate_r_geo(
     if not counts:
         message = "r_geo cannot be calibrated without counts"
         raise InvalidInputError(message, "counts")
-    rng = np.random.Generator(np.random.Philox(key=seed))
-    places = free_space.draw(_PLACES, rng)
+    words = random_words(seed, 0, Purpose.PRIOR, _PLACES)
+    places = np.stack(free_space.draw(words[:3]), axis=1, dtype=np.float64)
     west, south, east, north = site_map.bounds
     radii = np.linspace(0.0, float(np.hypot(east - west, north - south)), _RADII + 1)[1:]
     expected = structures_within(site_map.surface_mesh(MESH_M), places, radii)

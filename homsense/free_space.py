@@ -1,19 +1,44 @@
 """Where particles may be: draws from free space, and walls that stop a step."""
 
 from dataclasses import dataclass
-from typing import Self
+from functools import cached_property
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from homsense.errors import InvalidMapError
-from homsense.grid import Grid
+from homsense.grid import Grid, Raster
 from homsense.site_map import SiteMap
 
 BoolArray = NDArray[np.bool_]
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+Singles = NDArray[np.float32]
+Words = NDArray[np.uint32]
 
-_MAX_SAMPLES = 64
+_UNIT = 2.0**-32
+_WORD = np.uint64(32)
+
+
+class Walls(NamedTuple):
+    """How far a particle can go from each cell without meeting anything.
+
+    Parameters
+    ----------
+    raster : Raster
+        The cells.
+    half_cell_m : float32
+        Half the side of a cell, metres.
+    clearance_m : ndarray, shape (rows * columns + 1,), float32
+        From anywhere in a cell to the nearest cell that is not free, at least; -1 where the cell
+        itself is not. The last entry is outside.
+    """
+
+    raster: Raster
+    half_cell_m: np.float32
+    clearance_m: Singles
 
 
 @dataclass(frozen=True)
@@ -74,44 +99,59 @@ class FreeSpace:
         """
         return self.free[self.grid.flat_index(xy)]
 
-    def draw(self, count: int, rng: np.random.Generator) -> FloatArray:
+    def draw(self, words: Words) -> tuple[Singles, Singles]:
         """Draw places uniformly over free space (Algorithm 1, initRandParticles).
 
         Parameters
         ----------
-        count : int
-            How many.
-        rng : numpy.random.Generator
-            Source of randomness.
+        words : ndarray, shape (3, N), uint32
+            Random bits.
 
         Returns
         -------
-        ndarray, shape (count, 2), float64
-            Places, metres.
+        x_m, y_m : ndarray, shape (N,), float32
+            Places.
         """
-        cells = np.flatnonzero(self.free[:-1])
-        chosen = cells[rng.integers(len(cells), size=count)]
-        row, column = np.divmod(chosen, self.grid.columns)
-        corner = np.stack([column, row], axis=1) + rng.random((count, 2))
-        places: FloatArray = corner * self.grid.cell_m + (self.grid.west_m, self.grid.south_m)
-        return places
+        cells = self._free_cells
+        chosen = cells[(words[0] * np.uint64(len(cells)) >> _WORD).astype(np.intp)]
+        return self.within(chosen, words[1], words[2])
 
-    def blocked(self, start: FloatArray, end: FloatArray) -> BoolArray:
-        """Tell which straight moves touch a structure or leave the domain.
+    def within(self, cells: IntArray, right: Words, up: Words) -> tuple[Singles, Singles]:
+        """Draw a place in each of some cells.
 
         Parameters
         ----------
-        start, end : ndarray, shape (N, 2), float64
-            Places, metres.
+        cells : ndarray, shape (N,), intp
+            Flat indices.
+        right, up : ndarray, shape (N,), uint32
+            Random bits.
 
         Returns
         -------
-        ndarray, shape (N,), bool
-            True where a sample of the move is not free; a start inside a structure is forgiven.
+        x_m, y_m : ndarray, shape (N,), float32
+            Places.
         """
-        longest = float(np.abs(end - start).max(initial=0.0))
-        samples = int(np.clip(np.ceil(longest / self.grid.cell_m), 1, _MAX_SAMPLES))
-        passed = np.ones(len(end), dtype=bool)
-        for part in range(1, samples + 1):
-            passed &= self.contains(start + (end - start) * (part / samples))
-        return ~passed
+        row, column = np.divmod(cells, self.grid.columns)
+        cell_m = self.grid.cell_m
+        x = self.grid.west_m + cell_m * (column + right * _UNIT)
+        y = self.grid.south_m + cell_m * (row + up * _UNIT)
+        return x.astype(np.float32), y.astype(np.float32)
+
+    @cached_property
+    def walls(self) -> Walls:
+        """The look-up table that stops steps."""
+        grid = self.grid
+        free = np.pad(self.free[:-1].reshape(grid.shape), 1)
+        apart = ndimage.distance_transform_edt(
+            ~ndimage.binary_dilation(~free, np.ones((3, 3), np.bool_))
+        )
+        clearance = np.where(free, apart * grid.cell_m, -1.0)[1:-1, 1:-1]
+        return Walls(
+            grid.raster,
+            np.float32(0.5 * grid.cell_m),
+            np.append(clearance, -1.0).astype(np.float32),
+        )
+
+    @cached_property
+    def _free_cells(self) -> IntArray:
+        return np.flatnonzero(self.free[:-1])

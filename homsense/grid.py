@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,26 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
 MAX_CELLS = 4_000_000
+
+
+class Raster(NamedTuple):
+    """A grid as the filter looks it up, in single precision.
+
+    Parameters
+    ----------
+    west_m, south_m : float32
+        Corner of the first cell, metres.
+    cells_per_m : float32
+        One over the side of a cell.
+    columns, rows : int
+        Number of cells to the east and to the north.
+    """
+
+    west_m: np.float32
+    south_m: np.float32
+    cells_per_m: np.float32
+    columns: int
+    rows: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +92,12 @@ class Grid:
     def shape(self) -> tuple[int, int]:
         """Rows and columns."""
         return self.rows, self.columns
+
+    @property
+    def raster(self) -> Raster:
+        """The same in single precision."""
+        corner = np.float32(self.west_m), np.float32(self.south_m)
+        return Raster(*corner, np.float32(1.0 / self.cell_m), self.columns, self.rows)
 
     def centers(self) -> FloatArray:
         """Return the middle of every cell.

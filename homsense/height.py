@@ -23,7 +23,7 @@ Distance = Literal["euclidean", "geodesic"]
 MESH_M = 5.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class HeightMap:
     """Expected number of holes over a grid.
 

@@ -7,12 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from homsense.code_map import CodeMap
 from homsense.errors import InvalidConfigurationError, InvalidInputError
-from homsense.height import HeightMap
+from homsense.exact import exp, log2
 
 FloatArray = NDArray[np.float64]
 
 MAX_COUNT = 1_000_000
+_NO_MATCH, _LEAST = 1e3, 1e-300
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,41 +56,38 @@ class CountNoise:
             raise InvalidConfigurationError(message, "correlation_m")
 
 
-def log_likelihood(
-    poses: FloatArray, heights: Sequence[HeightMap], counts: Sequence[int], noise: CountNoise
-) -> FloatArray:
-    """Return the log-likelihood of measured counts: near times far, each a floored Gaussian.
+def code_likelihood(code_map: CodeMap, counts: Sequence[int], noise: CountNoise) -> FloatArray:
+    """Return how well each code explains measured counts: near times far, each a floored Gaussian.
 
     Parameters
     ----------
-    poses : ndarray, shape (N, 3), float64
-        Particles.
-    heights : sequence of HeightMap
-        Expected counts, one map for each neighborhood.
+    code_map : CodeMap
+        Expected counts.
     counts : sequence of int
-        Measured counts in the same order, in [0, 1e6].
+        Measured counts, one for each neighborhood, in [0, 1e6].
     noise : CountNoise
         The error model.
 
     Returns
     -------
-    ndarray, shape (N,), float64
-        Natural logarithms, at most 0; a place outside the maps explains nothing.
+    ndarray, shape (n_codes,), float64
+        Binary logarithms, at most 0; a place that is not free explains nothing.
 
     Raises
     ------
     InvalidInputError
-        If the number of counts differs from that of the maps, or a count is out of range.
+        If the number of counts differs from that of the neighborhoods, or a count is out of
+        range.
     """
-    if len(counts) != len(heights):
-        message = f"{len(heights)} counts are expected, not {len(counts)}"
+    if len(counts) != code_map.n_levels:
+        message = f"{code_map.n_levels} counts are expected, not {len(counts)}"
         raise InvalidInputError(message, "counts")
-    total = np.zeros(len(poses))
-    for height, count in zip(heights, counts, strict=True):
+    for count in counts:
         if not 0 <= count <= MAX_COUNT:
             message = f"a count must be in [0, {MAX_COUNT}], not {count}"
             raise InvalidInputError(message, "counts")
-        apart = (height.at(poses[:, :2]) - count) / noise.sigma
-        match = np.exp(-0.5 * np.square(np.nan_to_num(apart, nan=np.inf)))
-        total += np.log(np.maximum(noise.floor + (1.0 - noise.floor) * match, 1e-300))
+    apart = (code_map.expected - np.asarray(counts, np.float64)) / noise.sigma
+    match = exp(-0.5 * np.square(np.nan_to_num(apart, nan=_NO_MATCH)))
+    level = np.maximum(noise.floor + (1.0 - noise.floor) * match, _LEAST)
+    total: FloatArray = log2(level).sum(axis=1)
     return total

@@ -1,72 +1,45 @@
 """Algorithm 1, runTopologicalMCL, as a chain of stages over values.
 
-propagate -> reweigh -> resample on a policy -> estimate. A step is a pure function: the random
-numbers of tick t of a session come from Philox keyed by (seed, t).
+propagate -> reweigh -> relocate and resample on a policy -> estimate. A session is a pure
+function of the map, the parameters, a seed and its inputs, to the last bit: see
+`homsense.exact`, `homsense.philox` and `homsense.weights`.
 """
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from homsense.errors import InvalidConfigurationError, InvalidInputError
+from homsense import recovery
+from homsense.backend import Backend, fastest
+from homsense.code_map import NOWHERE, CodeMap
+from homsense.configuration import LocalizerConfig
+from homsense.errors import InvalidInputError
 from homsense.estimate import PoseDistribution
 from homsense.free_space import FreeSpace
 from homsense.height import HeightMap
-from homsense.likelihood import CountNoise, log_likelihood
-from homsense.motion import MotionModel, OdometryMotion, propagate
+from homsense.likelihood import code_likelihood
+from homsense.motion import measured_move
+from homsense.particles import Particles, joined
+from homsense.philox import Purpose
+from homsense.policy import Policy, ess_below
 from homsense.pose import Delta
-from homsense.prior import Prior, UniformPrior
-from homsense.resample import effective_sample_size, normalize, systematic
+from homsense.recovery import Doubt, Relocation
+from homsense.resample import SCHEMES, scaled
 from homsense.site_map import SiteMap
+from homsense.stages import chosen
+from homsense.travel import Travel
+from homsense.weights import BLOCKED, UNITS_PER_BIT, bits, units
 
 FloatArray = NDArray[np.float64]
 
-MAX_PARTICLES = 1_000_000
-BLOCKED_LOG_WEIGHT = -20.0
-
-
-@dataclass(frozen=True, slots=True)
-class LocalizerConfig:
-    """Parameters of the filter.
-
-    Parameters
-    ----------
-    particles : int, default 8000
-        Number of pose hypotheses, in [1, 1e6].
-    motion : MotionModel, optional
-        Uncertainty of motion; odometry by default.
-    noise : CountNoise, optional
-        Error of the homological sensor.
-    prior : Prior, optional
-        What is known at the start; nothing by default.
-    resample_below : float, default 0.5
-        Resample when the effective sample size falls below this share of the particles; 1.0
-        resamples at every step, as Algorithm 1 does.
-    cell_m : float, default 2.0
-        Resolution of the walls, metres.
-
-    Raises
-    ------
-    InvalidConfigurationError
-        If a number is out of range.
-    """
-
-    particles: int = 8000
-    motion: MotionModel = field(default_factory=OdometryMotion)
-    noise: CountNoise = field(default_factory=CountNoise)
-    prior: Prior = field(default_factory=UniformPrior)
-    resample_below: float = 0.5
-    cell_m: float = 2.0
-
-    def __post_init__(self) -> None:
-        if not 1 <= self.particles <= MAX_PARTICLES:
-            message = f"particles must be in [1, {MAX_PARTICLES}], not {self.particles}"
-            raise InvalidConfigurationError(message, "particles")
-        if not 0.0 <= self.resample_below <= 1.0:
-            message = f"resample_below must be in [0, 1], not {self.resample_below}"
-            raise InvalidConfigurationError(message, "resample_below")
+_STREAMS = len(Purpose)
+_REMEMBERED = 512
+_WATCHING = Relocation()
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,19 +52,41 @@ class LocalizerState:
         Key of the session's random numbers, in [0, 2**64).
     tick : int
         Steps taken.
-    poses : ndarray, shape (N, 3), float64
-        Particles.
-    log_weights : ndarray, shape (N,), float64
-        Natural logarithms, finite, at most 0.
-    unweighed_m : float
-        Way since the last weighing, metres; infinite before the first.
+    particles : Particles
+        Pose hypotheses; the best log-weight is 0.
+    travel : Travel
+        Way since the last weighing.
+    doubt : Doubt
+        What the measurements say about the particles as a whole.
     """
 
     seed: int
     tick: int
-    poses: FloatArray
-    log_weights: FloatArray
-    unweighed_m: float
+    particles: Particles
+    travel: Travel
+    doubt: Doubt
+
+    @property
+    def poses(self) -> NDArray[np.float64]:
+        """Particles, shape (N, 3): x m, y m, heading rad."""
+        return self.particles.poses
+
+    def digest(self) -> str:
+        """Return a hash of the particles, equal for equal inputs on every machine.
+
+        Returns
+        -------
+        str
+            16 hexadecimal digits.
+        """
+        return self.particles.digest()
+
+
+class _Fresh(NamedTuple):
+    """Particles to draw anew: from which likelihood, and which share of all."""
+
+    table: NDArray[np.int32]
+    share: float
 
 
 class Localizer:
@@ -107,6 +102,10 @@ class Localizer:
         Parameters.
     free_space : FreeSpace, optional
         Free cells of this map, when they are known already.
+    code_map : CodeMap, optional
+        The height maps over these cells, when they are known already.
+    backend : Backend, optional
+        What runs the stages; the fastest by default. Results do not depend on it.
 
     Examples
     --------
@@ -128,11 +127,41 @@ class Localizer:
         config: LocalizerConfig | None = None,
         *,
         free_space: FreeSpace | None = None,
+        code_map: CodeMap | None = None,
+        backend: Backend | None = None,
     ) -> None:
         self.site_map = site_map
         self.heights = tuple(heights)
         self.config = config or LocalizerConfig()
         self.free_space = free_space or FreeSpace.of(site_map, self.config.cell_m)
+        self.code_map = code_map or CodeMap.of(self.free_space, self.heights)
+        self.backend = backend or fastest()
+        self.policy: Policy = ess_below(self.config.resample_below)
+        self._likelihood = lru_cache(_REMEMBERED)(self._code_likelihood)
+
+    def run_by(self, backend: Backend) -> "Localizer":
+        """Return the same localizer on another backend.
+
+        Parameters
+        ----------
+        backend : Backend
+            What runs the stages.
+
+        Returns
+        -------
+        Localizer
+            It continues any state of this one with the same bits.
+        """
+        if backend is self.backend:
+            return self
+        return Localizer(
+            self.site_map,
+            self.heights,
+            self.config,
+            free_space=self.free_space,
+            code_map=self.code_map,
+            backend=backend,
+        )
 
     def start(self, seed: int) -> LocalizerState:
         """Draw the particles of a new session from the prior.
@@ -156,8 +185,14 @@ class Localizer:
             message = f"seed must be in [0, 2**64), not {seed}"
             raise InvalidInputError(message, "seed")
         count = self.config.particles
-        poses = self.config.prior.draw(self.free_space, count, _random(seed, 0))
-        return LocalizerState(seed, 0, poses, np.zeros(count), np.inf)
+
+        def random(block: int) -> NDArray[np.uint32]:
+            return self.backend.random_words(seed, 0, Purpose.PRIOR + _STREAMS * block, count)
+
+        drawn = self.config.prior.draw(self.free_space, random)
+        return LocalizerState(
+            seed, 0, Particles(*drawn, np.zeros(count, np.int32)), Travel(), Doubt()
+        )
 
     def step(
         self,
@@ -186,15 +221,17 @@ class Localizer:
         Raises
         ------
         InvalidInputError
-            If the motion or a count is out of range; the state is unchanged.
+            If the motion is not finite or absurd, or the counts are.
         """
-        rng = _random(state.seed, state.tick + 1)
-        motion = Delta(*delta).checked()
-        moved = self._propagate(state, motion, rng)
-        weighed = self._reweigh(moved, counts) if counts is not None else moved
-        resampled = self._resample(weighed, rng)
-        final = replace(resampled, tick=state.tick + 1)
-        return final, self.estimate(final)
+        motion = delta if isinstance(delta, Delta) else Delta(*delta)  # type: ignore[arg-type]
+        motion.checked()
+        likelihood = None if counts is None else self._likelihood(tuple(counts))
+        after = self._propagate(state, motion)
+        fresh = None
+        if likelihood is not None and after.travel.length_m >= self.config.weigh_every_m:
+            after, fresh = self._reweigh(after, likelihood)
+        after = self._resample(after, fresh)
+        return after, self.estimate(after)
 
     def estimate(self, state: LocalizerState) -> PoseDistribution:
         """Return the pose distribution of a state.
@@ -209,36 +246,91 @@ class Localizer:
         PoseDistribution
             Lazily evaluated.
         """
-        return PoseDistribution(state.poses, normalize(state.log_weights))
+        return PoseDistribution(state.particles, backend=self.backend, doubt=state.doubt)
 
-    def _propagate(
-        self, state: LocalizerState, delta: Delta, rng: np.random.Generator
-    ) -> LocalizerState:
-        poses = propagate(state.poses, delta, self.config.motion, rng)
-        blocked = self.free_space.blocked(state.poses[:, :2], poses[:, :2])
-        log_weights = state.log_weights + np.where(blocked, BLOCKED_LOG_WEIGHT, 0.0)
-        return replace(
-            state,
-            poses=poses,
-            log_weights=log_weights - log_weights.max(),
-            unweighed_m=state.unweighed_m + delta.length_m,
+    def migrate(self, state: LocalizerState) -> LocalizerState:
+        """Continue a session that began on another map.
+
+        Parameters
+        ----------
+        state : LocalizerState
+            Of a localizer for the other map.
+
+        Returns
+        -------
+        LocalizerState
+            The same particles; those that are not free on this map have hardly any weight.
+        """
+        particles = state.particles
+        nothing = np.where(np.arange(len(self.code_map.expected)) == NOWHERE, BLOCKED, 0)
+        found = self.backend.reweigh(
+            particles, self.free_space.grid.raster, self.code_map.codes, nothing.astype(np.int32)
         )
+        return replace(state, particles=found.particles)
 
-    def _reweigh(self, state: LocalizerState, counts: Sequence[int]) -> LocalizerState:
-        noise = self.config.noise
-        exponent = min(1.0, state.unweighed_m / noise.correlation_m)
-        gain = exponent * log_likelihood(state.poses, self.heights, counts, noise)
-        log_weights = state.log_weights + gain
-        return replace(state, log_weights=log_weights - log_weights.max(), unweighed_m=0.0)
+    def _propagate(self, state: LocalizerState, motion: Delta) -> LocalizerState:
+        tick = state.tick + 1
+        move = measured_move(motion, self.config.motion)
+        particles = self.backend.propagate(
+            state.particles, move, self.free_space.walls, state.seed, tick
+        )
+        return replace(state, tick=tick, particles=particles, travel=state.travel.onward(motion))
 
-    def _resample(self, state: LocalizerState, rng: np.random.Generator) -> LocalizerState:
-        weights = normalize(state.log_weights)
-        count = len(weights)
-        if effective_sample_size(weights) > self.config.resample_below * count:
-            return state
-        kept = systematic(weights, rng)
-        return replace(state, poses=state.poses[kept], log_weights=np.zeros(count))
+    def _reweigh(
+        self, state: LocalizerState, likelihood: FloatArray
+    ) -> tuple[LocalizerState, _Fresh | None]:
+        exponent = min(1.0, state.travel.length_m / self.config.noise.correlation_m)
+        table = units(exponent * likelihood)
+        particles, gain, before, after = self.backend.reweigh(
+            state.particles, self.free_space.grid.raster, self.code_map.codes, table
+        )
+        evidence = gain / UNITS_PER_BIT + bits(after) - bits(before)
+        advantage = evidence - recovery.uniform_evidence(self.code_map, table)
+        doubt = state.doubt._replace(evidence_bits=evidence, advantage_bits=advantage)
+        rule = self.config.recovery
+        doubt, share = (rule or _WATCHING).share(doubt, exponent)
+        weighed = replace(state, particles=particles, travel=Travel(0.0), doubt=doubt)
+        if rule is None:
+            return weighed, None
+        anywhere = np.zeros_like(table)
+        return weighed, _Fresh(table if rule.draws_from_measurement else anywhere, share)
+
+    def _resample(self, state: LocalizerState, fresh: _Fresh | None) -> LocalizerState:
+        particles, adaptive = state.particles, self.config.adaptive
+        weights, sums = self.backend.weigh(particles)
+        words = self._words(state, Purpose.RESAMPLING, 1)[:, 0].tolist()
+        injected = 0 if fresh is None else _rounded(fresh.share * particles.size, words[2])
+        if not injected and not self.policy(sums):
+            return replace(state, doubt=state.doubt._replace(injected=0))
+        count = particles.size if adaptive is None else adaptive.count(particles, weights)
+        injected = min(injected, count - 1)
+        if self.config.scheme == "systematic":
+            offset = scaled(words[0], words[1], sums.total)
+            kept = self.backend.systematic(
+                particles, weights, sums.total, offset, count - injected
+            )
+        else:
+            scheme = SCHEMES[self.config.scheme]
+            drawn = scheme(
+                weights, self._words(state, Purpose.RESAMPLING, count), count - injected
+            )
+            kept = chosen(particles, drawn)
+        if fresh is not None and injected:
+            draws = (
+                self._words(state, Purpose.RELOCATION + _STREAMS * block, injected)
+                for block in (0, 1)
+            )
+            found = recovery.draw(self.code_map, fresh.table, *draws)
+            kept = joined([kept, found])
+        return replace(state, particles=kept, doubt=state.doubt._replace(injected=injected))
+
+    def _words(self, state: LocalizerState, purpose: int, count: int) -> NDArray[np.uint32]:
+        return self.backend.random_words(state.seed, state.tick, purpose, count)
+
+    def _code_likelihood(self, counts: tuple[int, ...]) -> FloatArray:
+        return code_likelihood(self.code_map, counts, self.config.noise)
 
 
-def _random(seed: int, tick: int) -> np.random.Generator:
-    return np.random.Generator(np.random.Philox(key=seed, counter=[0, 0, tick, 0]))
+def _rounded(number: float, word: int) -> int:
+    """Return one of the two whole numbers around a number, at random with the right mean."""
+    return math.floor(number + word * 2.0**-32)

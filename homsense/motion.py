@@ -1,17 +1,17 @@
 """Motion models: how uncertain a measured body-frame motion is (Algorithm 1, moveParticle)."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from homsense.errors import InvalidConfigurationError
-from homsense.pose import Delta, compose
+from homsense.pose import Delta
+from homsense.stages import Move
 
-FloatArray = NDArray[np.float64]
-Rng = np.random.Generator
+_TURN = 2.0 * math.pi
 
 
 class MotionModel(Protocol):
@@ -36,6 +36,10 @@ class OdometryMotion:
         Radians of error for each metre moved.
     rotation_per_rad : float, default 0.05
         Radians of error for each radian turned.
+    translation_drift : float, default 0.0
+        Metres of error for each square root of a second, also at rest.
+    rotation_drift : float, default 0.0
+        Radians of error for each square root of a second.
 
     Raises
     ------
@@ -47,6 +51,8 @@ class OdometryMotion:
     translation_per_rad: float = 0.1
     rotation_per_m: float = 0.01
     rotation_per_rad: float = 0.05
+    translation_drift: float = 0.0
+    rotation_drift: float = 0.0
 
     def __post_init__(self) -> None:
         for name in self.__slots__:
@@ -67,12 +73,11 @@ class OdometryMotion:
         """
         if delta.std is not None:
             return delta.std
-        turned = abs(delta.turn_rad)
-        translation = math.hypot(
-            self.translation_per_m * delta.length_m, self.translation_per_rad * turned
-        )
-        rotation = math.hypot(self.rotation_per_m * delta.length_m, self.rotation_per_rad * turned)
-        return translation, translation, rotation
+        squares = delta.length_m**2, delta.turn_rad**2, delta.dt_s
+        translation = self.translation_per_m, self.translation_per_rad, self.translation_drift
+        rotation = self.rotation_per_m, self.rotation_per_rad, self.rotation_drift
+        along, around = _root_of_sum(translation, squares), _root_of_sum(rotation, squares)
+        return along, along, around
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,27 +129,39 @@ class ImuMotion:
         return linear, linear, self.sigma_angular * half_square
 
 
-def propagate(poses: FloatArray, delta: Delta, model: MotionModel, rng: Rng) -> FloatArray:
-    """Draw the poses after a measured motion.
+def measured_move(delta: Delta, model: MotionModel) -> Move:
+    """Return a measured motion as the filter draws it (Algorithm 1, moveParticle).
 
     Parameters
     ----------
-    poses : ndarray, shape (N, 3), float64
-        Particles.
     delta : Delta
-        The measured motion.
+        The measured motion; its own covariance goes before the model.
     model : MotionModel
         Its uncertainty.
-    rng : numpy.random.Generator
-        Source of the noise.
 
     Returns
     -------
-    ndarray, shape (N, 3), float64
-        Moved particles.
+    Move
+        In single precision, the turn in turns.
+
+    Raises
+    ------
+    InvalidInputError
+        If a stated covariance is none.
     """
-    noise = rng.standard_normal((len(poses), 3)) * np.array(model.deviations(delta))
-    return compose(poses, np.array(delta[:3]) + noise)
+    root = delta.covariance_root()
+    if root is None:
+        forward, left, turn = model.deviations(delta)
+        root = (forward, 0.0, left, 0.0, 0.0, turn)
+    mean = (delta.forward_m, delta.left_m, delta.turn_rad / _TURN)
+    return Move(
+        np.array(mean, np.float32),
+        np.array([*root[:3], *(part / _TURN for part in root[3:])], np.float32),
+    )
+
+
+def _root_of_sum(factors: Iterable[float], squares: Iterable[float]) -> float:
+    return math.sqrt(sum(f * f * square for f, square in zip(factors, squares, strict=True)))
 
 
 def _check_not_negative(name: str, value: float) -> None:

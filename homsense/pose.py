@@ -3,14 +3,10 @@
 import math
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from homsense.errors import InvalidInputError
 
-FloatArray = NDArray[np.float64]
-
 MAX_DELTA = 1e6
+_SQUARE = 9
 
 
 class Delta(NamedTuple):
@@ -26,6 +22,8 @@ class Delta(NamedTuple):
         Duration, seconds.
     std : tuple of float, optional
         Standard deviations of the three, as the device states them.
+    covariance : tuple of float, optional
+        Of the three, row by row, nine numbers; it goes before `std`.
     """
 
     forward_m: float = 0.0
@@ -33,11 +31,12 @@ class Delta(NamedTuple):
     turn_rad: float = 0.0
     dt_s: float = 1.0
     std: tuple[float, float, float] | None = None
+    covariance: tuple[float, ...] | None = None
 
     @property
     def length_m(self) -> float:
         """Distance moved, metres."""
-        return math.hypot(self.forward_m, self.left_m)
+        return math.sqrt(self.forward_m**2 + self.left_m**2)
 
     def checked(self) -> "Delta":
         """Return the motion itself once it is known to be sound.
@@ -63,57 +62,49 @@ class Delta(NamedTuple):
         if self.std is not None and not all(0.0 <= s <= MAX_DELTA for s in self.std):
             message = f"std must hold finite deviations that are not negative, not {self.std}"
             raise InvalidInputError(message, "std")
+        if self.covariance is not None:
+            _root_of(self.covariance)
         return self
 
+    def covariance_root(self) -> tuple[float, ...] | None:
+        """Return the lower triangle of the square root of the stated covariance, row by row.
 
-def wrap_angle(angle: FloatArray) -> FloatArray:
-    """Return angles in (-pi, pi].
+        Returns
+        -------
+        tuple of float or None
+            Six numbers; None when no covariance is stated.
 
-    Parameters
-    ----------
-    angle : ndarray, float64
-        Radians.
+        Raises
+        ------
+        InvalidInputError
+            If the covariance is none.
 
-    Returns
-    -------
-    ndarray, float64
-        The same directions.
-
-    Examples
-    --------
-    >>> wrap_angle(np.array([0.0, 3 * np.pi])).round(3).tolist()
-    [0.0, 3.142]
-    """
-    return np.pi - (np.pi - angle) % (2.0 * np.pi)
+        Examples
+        --------
+        >>> Delta(covariance=(4.0, 2.0, 0.0, 2.0, 2.0, 0.0, 0.0, 0.0, 0.25)).covariance_root()
+        (2.0, 1.0, 1.0, 0.0, 0.0, 0.5)
+        """
+        return None if self.covariance is None else _root_of(self.covariance)
 
 
-def compose(poses: FloatArray, moves: FloatArray) -> FloatArray:
-    """Return poses moved by body-frame motions.
+def _root_of(covariance: tuple[float, ...]) -> tuple[float, ...]:
+    """Return Cholesky's factor; rows without variance stay zero."""
+    message = "covariance must be symmetric and positive semidefinite, nine finite numbers"
+    if len(covariance) != _SQUARE or not all(map(math.isfinite, covariance)):
+        raise InvalidInputError(message, "covariance")
+    xx, xy, xt, yx, yy, yt, tx, ty, tt = covariance
+    if not (xy == yx and xt == tx and yt == ty and max(map(abs, covariance)) <= MAX_DELTA**2):
+        raise InvalidInputError(message, "covariance")
+    slack = -1e-9 * (1.0 + xx + yy + tt)
+    r00, r10, r20 = _column(xx, xy, xt, slack)
+    r11, r21, _ = _column(yy - r10 * r10, yt - r10 * r20, 0.0, slack)
+    r22, _, _ = _column(tt - r20 * r20 - r21 * r21, 0.0, 0.0, slack)
+    return r00, r10, r11, r20, r21, r22
 
-    Parameters
-    ----------
-    poses : ndarray, shape (N, 3), float64
-        Start poses.
-    moves : ndarray, shape (N, 3), float64
-        Forward, left and turn of each.
 
-    Returns
-    -------
-    ndarray, shape (N, 3), float64
-        End poses.
-
-    Examples
-    --------
-    >>> north = np.array([[0.0, 0.0, np.pi / 2]])
-    >>> compose(north, np.array([[2.0, 1.0, 0.0]])).round(3).tolist()
-    [[-1.0, 2.0, 1.571]]
-    """
-    cosine, sine = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-    return np.stack(
-        [
-            poses[:, 0] + cosine * moves[:, 0] - sine * moves[:, 1],
-            poses[:, 1] + sine * moves[:, 0] + cosine * moves[:, 1],
-            wrap_angle(poses[:, 2] + moves[:, 2]),
-        ],
-        axis=1,
-    )
+def _column(pivot: float, below: float, last: float, slack: float) -> tuple[float, float, float]:
+    if pivot < slack or (pivot <= 0.0 and max(abs(below), abs(last)) > -slack):
+        message = "covariance must be positive semidefinite"
+        raise InvalidInputError(message, "covariance")
+    root = math.sqrt(max(pivot, 0.0))
+    return (root, below / root, last / root) if root else (0.0, 0.0, 0.0)

@@ -11,19 +11,23 @@ from numpy.typing import NDArray
 from shapely.geometry import Polygon
 
 from homsense.errors import InvalidConfigurationError
+from homsense.exact import standard_normals, unit_interval, wrap_turns
 from homsense.free_space import FreeSpace
 
 FloatArray = NDArray[np.float64]
-Rng = np.random.Generator
+Singles = NDArray[np.float32]
+Drawn = tuple[Singles, Singles, Singles]
+Bits = Callable[[int], NDArray[np.uint32]]
 
-_ATTEMPTS = 64
+_ATTEMPTS = 256
+_TURN = 2.0 * math.pi
 
 
 class Prior(Protocol):
     """What the localizer asks of a prior."""
 
-    def draw(self, free_space: FreeSpace, count: int, rng: Rng) -> FloatArray:
-        """Draw poses, shape (count, 3)."""
+    def draw(self, free_space: FreeSpace, bits: Bits) -> Drawn:
+        """Draw x m, y m and turns, as many as `bits` gives at a call."""
         ...
 
 
@@ -42,24 +46,24 @@ class HeadingPrior:
     mean_rad: float = 0.0
     std_rad: float = math.inf
 
-    def draw(self, count: int, rng: Rng) -> FloatArray:
+    def draw(self, words: NDArray[np.uint32]) -> Singles:
         """Draw headings.
 
         Parameters
         ----------
-        count : int
-            How many.
-        rng : numpy.random.Generator
-            Source of randomness.
+        words : ndarray, shape (4, N), uint32
+            Random bits.
 
         Returns
         -------
-        ndarray, shape (count,), float64
-            Radians.
+        ndarray, shape (N,), float32
+            Turns, in [-1/2, 1/2).
         """
         if math.isinf(self.std_rad):
-            return rng.uniform(-math.pi, math.pi, count)
-        return rng.normal(self.mean_rad, self.std_rad, count)
+            return wrap_turns(unit_interval(words[0]))
+        _, _, normal = standard_normals(words)
+        mean, std = np.float32(self.mean_rad / _TURN), np.float32(self.std_rad / _TURN)
+        return wrap_turns(mean + std * normal)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,24 +78,22 @@ class UniformPrior:
 
     heading: HeadingPrior = HeadingPrior()
 
-    def draw(self, free_space: FreeSpace, count: int, rng: Rng) -> FloatArray:
+    def draw(self, free_space: FreeSpace, bits: Bits) -> Drawn:
         """Draw poses.
 
         Parameters
         ----------
         free_space : FreeSpace
-            Where to draw.
-        count : int
-            How many.
-        rng : numpy.random.Generator
-            Source of randomness.
+            Where a pose can be.
+        bits : callable
+            Gives fresh random bits, shape (4, N), whenever it is called with a number.
 
         Returns
         -------
-        ndarray, shape (count, 3), float64
+        x_m, y_m, turns : ndarray, shape (N,), float32
             Poses.
         """
-        return np.column_stack([free_space.draw(count, rng), self.heading.draw(count, rng)])
+        return *free_space.draw(bits(0)[:3]), self.heading.draw(bits(1))
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,21 +128,19 @@ class GaussianPrior:
             message = f"std_m must be positive, not {self.std_m}"
             raise InvalidConfigurationError(message, "prior.std_m")
 
-    def draw(self, free_space: FreeSpace, count: int, rng: Rng) -> FloatArray:
+    def draw(self, free_space: FreeSpace, bits: Bits) -> Drawn:
         """Draw poses; those that fall on a structure are drawn again.
 
         Parameters
         ----------
         free_space : FreeSpace
             Where a pose can be.
-        count : int
-            How many.
-        rng : numpy.random.Generator
-            Source of randomness.
+        bits : callable
+            Gives fresh random bits, shape (4, N), whenever it is called with a number.
 
         Returns
         -------
-        ndarray, shape (count, 3), float64
+        x_m, y_m, turns : ndarray, shape (N,), float32
             Poses.
 
         Raises
@@ -149,11 +149,12 @@ class GaussianPrior:
             If hardly any draw is free.
         """
 
-        def candidates() -> FloatArray:
-            return rng.normal((self.x_m, self.y_m), self.std_m, (count, 2))
+        def candidates(words: NDArray[np.uint32]) -> tuple[Singles, Singles]:
+            right, up, _ = standard_normals(words)
+            std = np.float32(self.std_m)
+            return np.float32(self.x_m) + std * right, np.float32(self.y_m) + std * up
 
-        places = _until_free(candidates, free_space.contains, count)
-        return np.column_stack([places, self.heading.draw(count, rng)])
+        return *_until_free(candidates, free_space.contains, bits), self.heading.draw(bits(1))
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,54 +172,55 @@ class PolygonPrior:
     polygon: Polygon
     heading: HeadingPrior = HeadingPrior()
 
-    def draw(self, free_space: FreeSpace, count: int, rng: Rng) -> FloatArray:
+    def draw(self, free_space: FreeSpace, bits: Bits) -> Drawn:
         """Draw poses.
 
         Parameters
         ----------
         free_space : FreeSpace
             Where a pose can be.
-        count : int
-            How many.
-        rng : numpy.random.Generator
-            Source of randomness.
+        bits : callable
+            Gives fresh random bits, shape (4, N), whenever it is called with a number.
 
         Returns
         -------
-        ndarray, shape (count, 3), float64
+        x_m, y_m, turns : ndarray, shape (N,), float32
             Poses.
 
         Raises
         ------
         InvalidConfigurationError
-            If hardly any of the polygon is free.
+            If hardly any draw is free.
         """
         west, south, east, north = self.polygon.bounds
 
-        def candidates() -> FloatArray:
-            return rng.uniform((west, south), (east, north), (count, 2))
+        def candidates(words: NDArray[np.uint32]) -> tuple[Singles, Singles]:
+            right, up = unit_interval(words[0]), unit_interval(words[1])
+            return (
+                np.float32(west) + np.float32(east - west) * right,
+                np.float32(south) + np.float32(north - south) * up,
+            )
 
         def accepted(xy: FloatArray) -> NDArray[np.bool_]:
             inside = shapely.contains_xy(self.polygon, xy[:, 0], xy[:, 1])
             return np.asarray(inside & free_space.contains(xy))
 
-        return np.column_stack(
-            [_until_free(candidates, accepted, count), self.heading.draw(count, rng)]
-        )
+        return *_until_free(candidates, accepted, bits), self.heading.draw(bits(1))
 
 
 def _until_free(
-    candidates: Callable[[], FloatArray],
+    candidates: Callable[[NDArray[np.uint32]], tuple[Singles, Singles]],
     accepted: Callable[[FloatArray], NDArray[np.bool_]],
-    count: int,
-) -> FloatArray:
-    found: list[FloatArray] = []
-    missing = count
-    for _ in range(_ATTEMPTS):
-        drawn = candidates()
-        found.append(drawn[accepted(drawn)][:missing])
-        missing -= len(found[-1])
-        if not missing:
-            return np.concatenate(found)
+    bits: Bits,
+) -> tuple[Singles, Singles]:
+    x, y = candidates(bits(0))
+    missing = np.arange(len(x))
+    for attempt in range(_ATTEMPTS):
+        places = np.stack([x[missing], y[missing]], axis=1, dtype=np.float64)
+        missing = missing[~accepted(places)]
+        if not len(missing):
+            return x, y
+        again_x, again_y = candidates(bits(2 + attempt)[:, missing])
+        x[missing], y[missing] = again_x, again_y
     message = "the prior leaves hardly any free space"
     raise InvalidConfigurationError(message, "prior")

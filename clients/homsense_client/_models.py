@@ -201,7 +201,9 @@ class Pose:
     region_area_m2: dict[str, float]
     holes: tuple[int, ...] | None
     ess: float
+    relocation_p: float
     map_version: str
+    digest: str
     geo: tuple[float, float] | None
 
     @property
@@ -222,7 +224,9 @@ class Pose:
             dict(data["region_area_m2"]),
             None if measured is None else tuple(measured["holes"]),
             data["health"]["ess"],
+            data["health"]["relocation_p"],
             data["map_version"],
+            data["digest"],
             None if geo is None else (geo["lat"], geo["lon"]),
         )
 

@@ -5,10 +5,14 @@ from a tuple, which is far more than the work of a short loop; so `inlined` and 
 allocate. And a call passes each array as seven words; so what is called often is `inlined`.
 """
 
+import hashlib
+import marshal
 from collections.abc import Callable
+from types import ModuleType
 from typing import Any, TypeVar, cast
 
 import numba
+import numpy as np
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -78,3 +82,26 @@ def kept(function: Function) -> Function:
         return cast("Function", numba.njit(cache=True)(function))
     except RuntimeError:
         return allocating(function)
+
+
+def fingerprint(*modules: ModuleType) -> str:
+    """Return a hash of all kernels; numba's own cache looks at the outermost function only.
+
+    Parameters
+    ----------
+    *modules : module
+        With functions of this file, and with the constants that they use.
+
+    Returns
+    -------
+    str
+        Hexadecimal digits.
+    """
+    digest = hashlib.sha256()
+    for module in modules:
+        for name, value in sorted(vars(module).items()):
+            if hasattr(value, "py_func"):
+                digest.update(name.encode() + marshal.dumps(value.py_func.__code__))
+            elif isinstance(value, np.ndarray | np.generic):
+                digest.update(name.encode() + value.tobytes())
+    return digest.hexdigest()

@@ -1,7 +1,5 @@
 """The compiled hot loops behind the signatures of `homsense.engine.Engine`."""
 
-import hashlib
-import marshal
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -18,7 +16,7 @@ from homsense.compiled import (
     relations,
     sensing,
 )
-from homsense.compiled.jit import kept
+from homsense.compiled.jit import fingerprint, kept
 from homsense.facet_table import FacetTable, Numbers, Ragged, Version
 from homsense.history import History
 from homsense.neighborhood import Neighborhoods
@@ -109,27 +107,6 @@ def _as_history(components: Numbers, bars: Numbers) -> History:
     return History(tuple(components.tolist()), tuple(map(tuple, bars.tolist())))
 
 
-def _fingerprint() -> str:
-    """Return a hash of all kernels; numba's own cache looks at the outermost function only."""
-    digest = hashlib.sha256()
-    modules = (
-        bit_strings,
-        labels,
-        glue,
-        cover,
-        relations,
-        collapse,
-        mayer_vietoris,
-        sensing,
-        insertion,
-    )
-    for module in modules:
-        for name, value in sorted(vars(module).items()):
-            if hasattr(value, "py_func"):
-                digest.update(name.encode() + marshal.dumps(value.py_func.__code__))
-    return digest.hexdigest()
-
-
 def _outermost(fingerprint: str) -> tuple[Callable[..., Any], ...]:
     """Return the functions that Python calls; what they enclose is a part of their cache key."""
 
@@ -150,4 +127,16 @@ def _outermost(fingerprint: str) -> tuple[Callable[..., Any], ...]:
     return kept(insert), kept(sense), kept(history)
 
 
-_insert, _sense, _history = _outermost(_fingerprint())
+_insert, _sense, _history = _outermost(
+    fingerprint(
+        bit_strings,
+        labels,
+        glue,
+        cover,
+        relations,
+        collapse,
+        mayer_vietoris,
+        sensing,
+        insertion,
+    )
+)

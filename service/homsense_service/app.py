@@ -18,7 +18,7 @@ from homsense_service.sessions import SessionTable
 from homsense_service.settings import Settings
 from homsense_service.sites import SiteRegistry
 from homsense_service.store import SqliteStore, Store
-from homsense_service.warming import WarmingEngine
+from homsense_service.warming import Warming
 
 
 def create_app(
@@ -44,8 +44,9 @@ def create_app(
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         store = open_store(chosen.data)
         try:
-            registry = SiteRegistry(store, chosen, WarmingEngine(chosen.engine), time.time)
-            table = SessionTable(chosen.max_sessions)
+            warming = Warming(chosen.engine)
+            registry = SiteRegistry(store, chosen, warming.engine, time.time)
+            table = SessionTable(chosen.max_sessions, warming.backend)
             app.state.operations = Operations(registry, table, chosen)
             app.state.metrics = Metrics(lambda: len(registry.all()), lambda: len(table))
             yield

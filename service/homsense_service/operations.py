@@ -105,7 +105,11 @@ class Operations:
         config = request.to_localizer_config(self._settings.cell_m)
         heights = site.heights(hops)
         localizer = homsense.Localizer(
-            version.site_map, heights, config, free_space=version.free_space
+            version.site_map,
+            heights,
+            config,
+            free_space=version.free_space,
+            code_map=site.code_map(version, heights),
         )
         return self.sessions.open(site, version, localizer, hops, request.seed)
 

@@ -2,6 +2,7 @@
 
 import base64
 import io
+import math
 from typing import Any
 
 import networkx as nx
@@ -215,7 +216,7 @@ def render_pose(session: Session, fix: Fix) -> schemas.PoseOut:
     pose = fix.pose
     modes = pose.modes
     top = modes[0]
-    status = "initializing" if fix.tick == 0 else pose.status
+    status = "initializing" if fix.state.tick == 0 else pose.status
     known = status in ("ambiguous", "tracking")
     origin = None
     if known and session.map_version.site_map.origin is not None:
@@ -224,7 +225,7 @@ def render_pose(session: Session, fix: Fix) -> schemas.PoseOut:
     return schemas.PoseOut(
         session=session.name,
         seq=fix.seq,
-        tick=fix.tick,
+        tick=fix.state.tick,
         t=fix.t,
         status=status,
         pose=schemas.BestPose(
@@ -238,7 +239,8 @@ def render_pose(session: Session, fix: Fix) -> schemas.PoseOut:
         measurement=None
         if fix.holes is None
         else schemas.MeasurementOut(hops=list(session.hops), holes=list(fix.holes)),
-        health=schemas.HealthOut(ess=pose.ess, particles=len(pose.weights)),
+        health=_health(fix),
+        digest=fix.state.digest(),
         map_version=session.map_version.digest,
         geo=origin,
     )
@@ -264,14 +266,15 @@ def render_particles(pose: homsense.PoseDistribution, count: int) -> schemas.Par
 
 def render_grid(pose: homsense.PoseDistribution) -> dict[str, Any]:
     """Return the density as bytes: 255 is the heaviest cell, rows from the south."""
-    rows, columns = pose.density.shape
-    top = float(pose.density.max())
-    pixels = np.round(255.0 * pose.density / top).astype(np.uint8)
+    density, cell_m = pose.density, pose.histogram.cell_m
+    rows, columns = density.shape
+    top = float(density.max())
+    pixels = np.round(255.0 * density / top).astype(np.uint8)
     west, south = pose.corner
     return {
         "west_m": west,
         "south_m": south,
-        "cell_m": pose.cell_m,
+        "cell_m": cell_m,
         "columns": columns,
         "rows": rows,
         "max": top,
@@ -313,10 +316,22 @@ def render_geojson(pose: homsense.PoseDistribution, site_map: homsense.SiteMap) 
 
 def _region(pose: homsense.PoseDistribution, level: float) -> shapely.MultiPolygon:
     row, column = np.nonzero(pose.region(level))
-    west, south = pose.corner
-    x, y = west + column * pose.cell_m, south + row * pose.cell_m
-    cells = shapely.union_all(shapely.box(x, y, x + pose.cell_m, y + pose.cell_m))
+    (west, south), cell_m = pose.corner, pose.histogram.cell_m
+    x, y = west + column * cell_m, south + row * cell_m
+    cells = shapely.union_all(shapely.box(x, y, x + cell_m, y + cell_m))
     return shapely.MultiPolygon(list(shapely.get_parts(cells)))
+
+
+def _health(fix: Fix) -> schemas.HealthOut:
+    doubt = fix.pose.doubt
+    return schemas.HealthOut(
+        ess=fix.pose.ess,
+        particles=fix.pose.particles.size,
+        log_evidence=doubt.evidence_bits * math.log(2.0),
+        evidence_vs_uniform=doubt.advantage_bits * math.log(2.0),
+        relocation_p=doubt.relocation_p,
+        relocated=doubt.injected,
+    )
 
 
 def _mode(mode: homsense.Mode) -> schemas.ModeOut:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import homsense
+from homsense.backend import Backend, fastest
 from homsense_service.errors import CapacityError, SequenceConflictError, SessionNotFoundError
 from homsense_service.sites import Site
 from homsense_service.versions import MapVersion
@@ -31,15 +32,15 @@ class Fix:
         What is known.
     holes : tuple of int, optional
         The measurement that was used.
-    tick : int
-        Steps taken so far.
+    state : homsense.LocalizerState
+        What the filter remembers.
     """
 
     seq: int
     t: float | None
     pose: homsense.PoseDistribution
     holes: tuple[int, ...] | None
-    tick: int
+    state: homsense.LocalizerState
 
 
 @dataclass(frozen=True)
@@ -81,16 +82,20 @@ class Session:
         Neighborhoods whose holes are counted.
     seed : int
         Key of its random numbers.
+    backend : callable
+        Returns what runs the filter now.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - all of a session
         self,
         name: str,
         site: Site,
         map_version: MapVersion,
         localizer: homsense.Localizer,
         hops: tuple[int, ...],
+        *,
         seed: int,
+        backend: Callable[[], Backend],
     ) -> None:
         self.name = name
         self.site = site
@@ -98,9 +103,10 @@ class Session:
         self.localizer = localizer
         self.hops = hops
         self.seed = seed
+        self._backend = backend
         self._lock = threading.Lock()
         self._state = localizer.start(seed)
-        self._fix = Fix(0, None, localizer.estimate(self._state), None, 0)
+        self._fix = Fix(0, None, localizer.estimate(self._state), None, self._state)
         self._applied: OrderedDict[int, Step] = OrderedDict()
         self._answers: OrderedDict[int, Any] = OrderedDict()
 
@@ -166,8 +172,9 @@ class Session:
         if levels is not None and levels[0].n_landmarks:
             holes = tuple(level.holes for level in levels)
         delta = step.delta._replace(dt_s=duration)
+        self.localizer = self.localizer.run_by(self._backend())
         self._state, pose = self.localizer.step(self._state, delta, holes)
-        self._fix = Fix(step.seq, step.t, pose, holes, self._state.tick)
+        self._fix = Fix(step.seq, step.t, pose, holes, self._state)
         self._applied[step.seq] = step
         _forget_oldest(self._applied)
 
@@ -184,10 +191,13 @@ class SessionTable:
     ----------
     capacity : int
         How many there may be.
+    backend : callable
+        Returns what runs the filters now.
     """
 
-    def __init__(self, capacity: int) -> None:
+    def __init__(self, capacity: int, backend: Callable[[], Backend] = fastest) -> None:
         self._capacity = capacity
+        self._backend = backend
         self._lock = threading.Lock()
         self._sessions: dict[str, Session] = {}
 
@@ -202,7 +212,9 @@ class SessionTable:
         """Start a session; draw a seed when none is given."""
         chosen = secrets.randbits(64) if seed is None else seed
         name = secrets.token_urlsafe(12)
-        session = Session(name, site, map_version, localizer, hops, chosen)
+        session = Session(
+            name, site, map_version, localizer, hops, seed=chosen, backend=self._backend
+        )
         with self._lock:
             if len(self._sessions) >= self._capacity:
                 message = f"there are {self._capacity} sessions already"

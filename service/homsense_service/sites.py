@@ -41,6 +41,7 @@ class Site:
             list[homsense.LocalHomology],
         ] = OrderedDict()
         self._heights: dict[tuple[Any, ...], homsense.HeightMap] = {}
+        self._codes: tuple[list[homsense.HeightMap], homsense.CodeMap] | None = None
         self._caching = threading.Lock()
         self._deriving = threading.Lock()
 
@@ -171,6 +172,13 @@ class Site:
         """Return the expected counts for some neighborhoods on the current map."""
         with self._deriving:
             return [self._height(radius) for radius in hops]
+
+    def code_map(self, current: MapVersion, heights: list[homsense.HeightMap]) -> homsense.CodeMap:
+        """Return height maps of the current map as one look-up table."""
+        with self._deriving:
+            if self._codes is None or self._codes[0] != heights:
+                self._codes = heights, homsense.CodeMap.of(current.free_space, heights)
+            return self._codes[1]
 
     def _height(self, hops: int) -> homsense.HeightMap:
         current, config = self.require_map(), self.config

@@ -1,15 +1,17 @@
-"""The engine of the hot loops: the reference until numba has compiled them, then numba's."""
+"""What runs the hot loops: the reference until numba has compiled them, then numba."""
 
 import threading
 from typing import Literal
 
+from homsense import backend
+from homsense.backend import Backend
 from homsense.engine import PYTHON, Engine, warmed
 
 Choice = Literal["auto", "python", "numba"]
 
 
-class WarmingEngine:
-    """Tells which engine to use now.
+class Warming:
+    """Tells which engine and which backend to use now; all give the same results.
 
     Parameters
     ----------
@@ -18,15 +20,21 @@ class WarmingEngine:
     """
 
     def __init__(self, choice: Choice) -> None:
-        self.now = PYTHON
+        self._engine = PYTHON
+        self._backend = backend.NUMPY
         if choice == "numba":
             self._warm()
         elif choice == "auto":
             threading.Thread(target=self._warm, name="warming", daemon=True).start()
 
-    def __call__(self) -> Engine:
-        """Return the engine to use now; all give the same results."""
-        return self.now
+    def engine(self) -> Engine:
+        """Return what senses."""
+        return self._engine
+
+    def backend(self) -> Backend:
+        """Return what filters."""
+        return self._backend
 
     def _warm(self) -> None:
-        self.now = warmed()
+        self._backend = backend.warmed()
+        self._engine = warmed()

@@ -1,4 +1,4 @@
-"""Laws of poses, weights and the pose distribution."""
+"""Laws of the filter: both backends have the same bits, weights are exact, modes are hills."""
 
 import math
 
@@ -7,85 +7,219 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from shapely.geometry import LineString
+from support.builders import feature, local_map, square
 from support.strategies import FINITE
 
-from homsense import Delta, PoseDistribution
-from homsense.estimate import persistent_labels
-from homsense.pose import compose, wrap_angle
-from homsense.resample import effective_sample_size, normalize, systematic
+from homsense import (
+    Delta,
+    FreeSpace,
+    HeightMap,
+    Localizer,
+    LocalizerConfig,
+    OdometryMotion,
+    Particles,
+    PoseDistribution,
+    SiteMap,
+    exact,
+)
+from homsense.backend import NUMPY, Backend, compiled
+from homsense.modes import label
+from homsense.motion import measured_move
+from homsense.philox import random_words
+from homsense.resample import SCHEMES
+from homsense.weights import FULL, linear, sums
 
-WEIGHTS = arrays(np.float64, st.integers(1, 40), elements=st.floats(-50.0, 0.0)).map(normalize)
-ANGLES = arrays(np.float64, 8, elements=FINITE)
-SEEDS = st.integers(0, 2**32)
-
-
-def _rng(seed: int) -> np.random.Generator:
-    return np.random.Generator(np.random.Philox(key=seed))
-
-
-@given(ANGLES)
-def test_wrapping_keeps_the_direction(angles: np.ndarray) -> None:
-    wrapped = wrap_angle(angles)
-    assert ((wrapped > -math.pi) & (wrapped <= math.pi)).all()
-    assert np.allclose(np.exp(1j * wrapped), np.exp(1j * angles))
-
-
-@given(arrays(np.float64, (5, 3), elements=FINITE), arrays(np.float64, (5, 3), elements=FINITE))
-def test_a_turn_of_the_heading_turns_the_motion(poses: np.ndarray, moves: np.ndarray) -> None:
-    moved = compose(poses, moves)
-    assert np.allclose(
-        np.linalg.norm(moved[:, :2] - poses[:, :2], axis=1), np.linalg.norm(moves[:, :2], axis=1)
+TOWN = SiteMap.from_geojson(
+    local_map(
+        *(feature(square(70 * i, 70 * j, 30)) for i in range(3) for j in range(3)),
+        feature(square(-20, -20, 210), role="domain"),
     )
-    again = compose(poses + np.array([0.0, 0.0, 2 * math.pi]), moves)
-    assert np.allclose(again[:, :2], moved[:, :2])
+)
+FREE = FreeSpace.of(TOWN, 2.0)
+HEIGHTS = [HeightMap.geometric(TOWN, r, cell_m=2.0) for r in (60.0, 100.0)]
+BACKENDS = [backend for backend in (NUMPY, compiled()) if backend is not None]
+SEEDS = st.integers(0, 2**64 - 1)
+DELTAS = st.builds(
+    Delta,
+    st.floats(-40.0, 40.0),
+    st.floats(-40.0, 40.0),
+    st.floats(-10.0, 10.0),
+    dt_s=st.just(1.0),
+    std=st.tuples(*[st.floats(0.0, 30.0)] * 3),
+    covariance=st.none(),
+)
+LOG_WEIGHTS = arrays(np.int32, st.integers(1, 60), elements=st.integers(-60_000, 0)).map(
+    lambda lows: lows - lows.max()
+)
+WEIGHTS = LOG_WEIGHTS.map(linear)
 
 
-@given(arrays(np.float64, 20, elements=st.floats(-700.0, 0.0)), FINITE)
+def _somewhere(seed: int, count: int) -> Particles:
+    words = random_words(seed, 0, 3, count)
+    x, y = FREE.draw(words[:3])
+    turns = exact.wrap_turns(exact.unit_interval(words[3]))
+    log_weight = -(words[0] >> np.uint32(18)).astype(np.int32)
+    return Particles(x, y, turns, log_weight - log_weight.max())
+
+
+@given(
+    SEEDS,
+    st.lists(st.tuples(DELTAS, st.none() | st.tuples(st.integers(0, 9), st.integers(0, 9))),
+             min_size=1, max_size=6),
+    st.integers(1, 300),
+    st.sampled_from(list(SCHEMES)),
+)  # fmt: skip
+def test_both_backends_have_the_same_bits(
+    seed: int,
+    inputs: list[tuple[Delta, tuple[int, int] | None]],
+    count: int,
+    scheme: str,
+) -> None:
+    config = LocalizerConfig(particles=count, scheme=scheme)  # type: ignore[arg-type]
+    one = Localizer(TOWN, HEIGHTS, config, free_space=FREE, backend=NUMPY)
+    other = one.run_by(BACKENDS[-1])
+    state = one.start(seed)
+    turned = other.start(seed)
+    for tick, (delta, counts) in enumerate(inputs):
+        assert state.digest() == turned.digest()
+        assert (state.doubt, state.travel) == (turned.doubt, turned.travel)
+        if tick % 2:
+            state, turned = turned, state
+        state, pose = one.step(state, delta, counts)
+        turned, same = other.step(turned, delta, counts)
+        assert np.array_equal(pose.density, same.density)
+        assert [repr(mode) for mode in pose.modes] == [repr(mode) for mode in same.modes]
+    assert state.digest() == turned.digest()
+
+
+@pytest.mark.parametrize("backend", BACKENDS, ids=lambda backend: backend.name)
+@given(SEEDS, DELTAS, st.integers(0, 2**64 - 1))
+def test_no_particle_passes_through_a_building(
+    backend: Backend, seed: int, delta: Delta, tick: int
+) -> None:
+    before = _somewhere(seed, 40)
+    after = backend.propagate(
+        before, measured_move(delta, OdometryMotion()), FREE.walls, seed, tick
+    )
+    assert FREE.contains(after.poses[:, :2]).all()
+    for start, end in zip(before.poses[:, :2], after.poses[:, :2], strict=True):
+        way = LineString([start, end])
+        for structure in TOWN.structures:
+            assert way.intersection(structure).length < 1.0 + FREE.grid.cell_m * math.sqrt(2.0)
+
+
+@given(SEEDS, DELTAS)
+def test_a_full_turn_of_the_headings_changes_nothing(seed: int, delta: Delta) -> None:
+    before = _somewhere(seed, 50)
+    move = measured_move(delta, OdometryMotion())
+    once = NUMPY.propagate(before, move, FREE.walls, seed, 1)
+    turned = exact.wrap_turns(before.turns + np.float32(1.0))
+    again = NUMPY.propagate(before._replace(turns=turned), move, FREE.walls, seed, 1)
+    near = np.abs(once.poses[:, :2] - again.poses[:, :2]).max(axis=1) < 0.01
+    assert near.mean() >= 0.9  # one that just touches a wall may stop
+
+
+@given(arrays(np.float32, 40, elements=st.floats(-1e6, 1e6, width=32)))
+def test_wrapping_keeps_the_direction(turns: np.ndarray) -> None:
+    wrapped = exact.wrap_turns(turns)
+    assert ((wrapped >= -0.5) & (wrapped <= 0.5)).all()
+    apart = turns.astype(np.float64) - wrapped
+    assert np.abs(apart - np.round(apart)).max() < 1e-6
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_polynomials_agree_with_the_library(seed: int) -> None:
+    words = random_words(seed, 1, 0, 500)
+    unit = exact.unit_interval(words[0])
+    assert np.abs(exact.log_unit(unit) - np.log(unit.astype(np.float64))).max() < 5e-7
+    angle = 2 * np.pi * unit.astype(np.float64)
+    assert np.abs(exact.sine(unit) - np.sin(angle)).max() < 3e-7
+    assert np.abs(exact.cosine(unit) - np.cos(angle)).max() < 3e-7
+    numbers = -700.0 * unit.astype(np.float64)
+    assert exact.exp(numbers) == pytest.approx(np.exp(numbers), rel=1e-14)
+    assert exact.log2(np.exp(numbers)) == pytest.approx(np.log2(np.exp(numbers)), abs=1e-12)
+
+
+def test_random_deviates_are_normal_and_independent() -> None:
+    normals = np.stack(exact.standard_normals(random_words(5, 7, 0, 200_000)))
+    assert normals.mean(axis=1) == pytest.approx([0.0] * 3, abs=0.01)
+    assert np.cov(normals) == pytest.approx(np.eye(3), abs=0.01)
+    assert (normals**4).mean(axis=1) == pytest.approx([3.0] * 3, abs=0.06)
+
+
+@given(LOG_WEIGHTS)
+def test_weights_are_two_to_the_power_of_their_logarithm(log_weight: np.ndarray) -> None:
+    assert linear(log_weight) == pytest.approx(FULL * np.exp2(log_weight / 2048), abs=1.0)
+    summed = sums(linear(log_weight))
+    assert 1.0 <= summed.ess <= summed.size + 1e-9
+
+
+@given(LOG_WEIGHTS, st.integers(-1000, 1000))
 def test_adding_a_constant_to_log_weights_changes_nothing(
-    log_weights: np.ndarray, constant: float
+    log_weight: np.ndarray, constant: int
 ) -> None:
-    assert np.allclose(normalize(log_weights), normalize(log_weights + constant))
+    particles = _somewhere(1, len(log_weight))._replace(log_weight=log_weight)
+    codes, table = np.zeros(FREE.free.size, np.int32), np.array([constant], np.int32)
+    for backend in BACKENDS:
+        found = backend.reweigh(particles, FREE.grid.raster, codes, table)
+        assert np.array_equal(found.particles.log_weight, log_weight)
+        assert (found.gain, found.before) == (constant, found.after)
 
 
-@given(WEIGHTS)
-def test_the_effective_sample_size_lies_between_one_and_all(weights: np.ndarray) -> None:
-    assert 1.0 - 1e-9 <= effective_sample_size(weights) <= len(weights) + 1e-9
-
-
-@given(WEIGHTS, SEEDS)
-def test_systematic_resampling_draws_each_as_often_as_its_weight_says(
-    weights: np.ndarray, seed: int
+@pytest.mark.parametrize("scheme", SCHEMES)
+@given(WEIGHTS, SEEDS, st.integers(1, 80))
+def test_a_scheme_draws_only_what_has_weight(
+    scheme: str, weights: np.ndarray, seed: int, count: int
 ) -> None:
-    drawn = systematic(weights, _rng(seed))
+    drawn = SCHEMES[scheme](weights, random_words(seed, 1, 1, count), count)
     times = np.bincount(drawn, minlength=len(weights))
-    due = len(weights) * weights
-    assert len(drawn) == len(weights)
-    assert (times >= np.floor(due - 1e-9)).all()
-    assert (times <= np.ceil(due + 1e-9)).all()
+    due = count * weights / weights.sum()
+    assert len(drawn) == count
+    assert (np.diff(drawn) >= 0).all()
+    assert not times[weights == 0].any()
+    if scheme in ("systematic", "residual"):
+        assert (times >= np.floor(due - 1e-9)).all()
+    if scheme == "systematic":
+        assert (times <= np.ceil(due + 1e-9)).all()
+    if scheme == "stratified":
+        assert (np.abs(times - due) < 2.0).all()
 
 
-def test_mean_offspring_is_the_weight() -> None:
-    weights = np.array([0.55, 0.25, 0.12, 0.08])
-    rng = _rng(1)
-    times = [np.bincount(systematic(weights, rng), minlength=4) for _ in range(20_000)]
-    assert np.mean(times, axis=0) == pytest.approx(4 * weights, abs=0.02)
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_mean_offspring_is_the_weight(scheme: str) -> None:
+    weights = (np.array([0.55, 0.25, 0.12, 0.08]) * FULL).astype(np.uint32)
+    draw = SCHEMES[scheme]
+    times = [
+        np.bincount(draw(weights, random_words(seed, 1, 1, 7), 7), minlength=4)
+        for seed in range(20_000)
+    ]
+    assert np.mean(times, axis=0) == pytest.approx(7 * weights / weights.sum(), abs=0.03)
 
 
-@given(arrays(np.float64, (9, 11), elements=st.sampled_from([0.0, 1.0, 2.0, 5.0, 9.0])))
-def test_every_cell_with_mass_belongs_to_a_peak(density: np.ndarray) -> None:
-    labels = persistent_labels(density)
-    peaks = np.unique(labels[density > 0])
-    for peak in peaks:
-        assert density.ravel()[peak] == density[labels == peak].max()
+@pytest.mark.parametrize("backend", BACKENDS, ids=lambda backend: backend.name)
+@given(WEIGHTS, st.integers(1, 90), st.floats(0.0, 1.0, exclude_max=True))
+def test_a_backend_draws_as_the_scheme_does(
+    backend: Backend, weights: np.ndarray, count: int, part: float
+) -> None:
+    particles = _somewhere(2, len(weights))
+    total = int(weights.sum())
+    drawn = backend.systematic(particles, weights, total, int(part * total), count)
+    same = NUMPY.systematic(particles, weights, total, int(part * total), count)
+    assert drawn.size == count
+    assert drawn.digest() == same.digest()
 
 
 @given(
     arrays(np.float64, (60, 2), elements=st.floats(-200.0, 200.0)),
-    arrays(np.float64, 60, elements=st.floats(-10.0, 0.0)),
+    arrays(np.float64, 60, elements=st.floats(0.001, 1.0)),
+    st.permutations(range(60)),
 )
-def test_modes_share_the_whole_mass(places: np.ndarray, log_weights: np.ndarray) -> None:
+def test_modes_share_the_whole_mass_whatever_the_order(
+    places: np.ndarray, weights: np.ndarray, order: list[int]
+) -> None:
     poses = np.column_stack([places, np.zeros(60)])
-    pose = PoseDistribution(poses, normalize(log_weights))
+    pose = PoseDistribution.of(poses, weights)
     assert sum(mode.weight for mode in pose.modes) == pytest.approx(1.0)
     assert [mode.weight for mode in pose.modes] == sorted(
         (mode.weight for mode in pose.modes), reverse=True
@@ -96,6 +230,39 @@ def test_modes_share_the_whole_mass(places: np.ndarray, log_weights: np.ndarray)
     areas = [pose.region_area_m2(level) for level in (0.5, 0.9, 0.95)]
     assert areas == sorted(areas)
     assert pose.density.sum() == pytest.approx(1.0)
+    again = PoseDistribution.of(poses[order], weights[order])
+    assert np.array_equal(again.density, pose.density)
+    assert [mode.weight for mode in again.modes] == [mode.weight for mode in pose.modes]
+
+
+@pytest.mark.parametrize("backend", BACKENDS, ids=lambda backend: backend.name)
+@given(arrays(np.int64, (9, 11), elements=st.sampled_from([0, 1, 2, 5, 9, 30])))
+def test_a_mode_is_a_hill(backend: Backend, mass: np.ndarray) -> None:
+    flat = mass.ravel()
+    heavy = np.flatnonzero(flat)
+    order = heavy[np.argsort(-flat[heavy], kind="stable")]
+    hills = backend.hills(mass.shape, order, flat)
+    assert np.array_equal(hills, NUMPY.hills(mass.shape, order, flat))
+    assert (hills <= np.arange(len(order))).all()
+    for peak in np.unique(hills):
+        assert hills[peak] == peak
+        assert flat[order[peak]] == flat[order[hills == peak]].max()
+
+
+@given(SEEDS)
+def test_a_region_holds_its_share_with_the_fewest_cells(seed: int) -> None:
+    pose = PoseDistribution(_somewhere(seed, 30))
+    for level in (0.5, 0.9):
+        inside = pose.region(level)
+        assert pose.density[inside].sum() >= level - 1e-12
+        assert pose.density[inside].min() >= pose.density[~inside].max()
+        assert pose.density[inside].sum() - pose.density[inside].min() < level + 1e-12
+    of_mode, n_modes = label(
+        pose.histogram,
+        NUMPY.hills(pose.histogram.smooth.shape, pose.histogram.order,
+                    pose.histogram.smooth.ravel()),
+    )  # fmt: skip
+    assert of_mode.max() < n_modes == len(pose.modes)
 
 
 @given(FINITE, FINITE, FINITE)

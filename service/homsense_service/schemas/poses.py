@@ -44,8 +44,14 @@ class MeasurementOut(Wire):
 class HealthOut(Wire):
     """State of the filter."""
 
-    ess: float
+    ess: float = Field(description="Effective sample size.")
     particles: int
+    log_evidence: float = Field(description="Log-likelihood of the last measurement, nats.")
+    evidence_vs_uniform: float = Field(
+        description="The same, above its mean over all free space, nats."
+    )
+    relocation_p: float = Field(description="Probability that the pose was lost.")
+    relocated: int = Field(description="Particles drawn from the measurement at the last step.")
 
 
 class PoseOut(Wire):
@@ -55,14 +61,15 @@ class PoseOut(Wire):
     seq: int
     tick: int
     t: float | None
-    status: Literal["initializing", "diffuse", "ambiguous", "tracking"]
-    pose: BestPose | None = Field(description="null when diffuse or initializing.")
+    status: Literal["initializing", "diffuse", "ambiguous", "tracking", "suspect"]
+    pose: BestPose | None = Field(description="null unless ambiguous or tracking.")
     confidence: float = Field(description="Mass of the top mode.")
     modes: list[ModeOut]
     region_area_m2: dict[str, float]
     measurement: MeasurementOut | None
     health: HealthOut
     map_version: str
+    digest: str = Field(description="Hash of the particles: equal for equal inputs.")
     geo: Origin | None = Field(description="The top mode on Earth.")
 
 

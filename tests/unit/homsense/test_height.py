@@ -9,6 +9,7 @@ from support.builders import feature, local_map, square
 from homsense import FreeSpace, HeightMap, InvalidInputError, SiteMap, calibrate_r_geo
 from homsense.geodesic import distances_from, free_space_graph
 from homsense.grid import Grid
+from homsense.philox import random_words
 
 BLOCKS = SiteMap.from_geojson(
     local_map(*(feature(square(60 * i, 60 * j, 40)) for i in range(4) for j in range(3)))
@@ -81,8 +82,7 @@ def test_lengths_must_be_positive(square: SiteMap, bad: float) -> None:
 @pytest.mark.parametrize("true_r", [75.0, 110.0])
 def test_calibration_finds_the_radius_that_made_the_counts(true_r: float) -> None:
     free_space = FreeSpace.of(BLOCKS, 2.0)
-    rng = np.random.Generator(np.random.Philox(key=5))
-    places = free_space.draw(400, rng)
+    places = np.stack(free_space.draw(random_words(5, 0, 0, 400)[:3]), axis=1, dtype=np.float64)
     counts = HeightMap.geometric(BLOCKS, true_r).at(places).astype(int).tolist()
     assert calibrate_r_geo(BLOCKS, free_space, counts) == pytest.approx(true_r, rel=0.08)
 

@@ -1,0 +1,112 @@
+"""Which code runs the stages of the filter: numpy, or the same compiled by numba."""
+
+from collections.abc import Callable
+from functools import cache
+from importlib import import_module
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homsense import histogram, modes, philox, stages
+from homsense.free_space import Walls
+from homsense.grid import Raster
+from homsense.histogram import Histogram
+from homsense.modes import Moments
+from homsense.particles import Particles
+from homsense.stages import Move, Reweighed
+from homsense.weights import WeightSums
+
+FloatArray = NDArray[np.float64]
+Integers = NDArray[np.int32]
+IntArray = NDArray[np.int64]
+Weights = NDArray[np.uint32]
+
+
+class Backend(NamedTuple):
+    """The stages; every backend gives the same bits.
+
+    Parameters
+    ----------
+    name : str
+        ``"numpy"`` or ``"numba"``.
+    random_words, propagate, reweigh, weigh, systematic : callable
+        As in `homsense.philox` and `homsense.stages`.
+    histogram, hills, moments : callable
+        As in `homsense.histogram` and `homsense.modes`.
+    """
+
+    name: str
+    random_words: Callable[[int, int, int, int], Weights]
+    propagate: Callable[[Particles, Move, Walls, int, int], Particles]
+    reweigh: Callable[[Particles, Raster, Integers, Integers], Reweighed]
+    weigh: Callable[[Particles], tuple[Weights, WeightSums]]
+    systematic: Callable[[Particles, Weights, int, int, int], Particles]
+    histogram: Callable[[Particles, Weights, float], Histogram]
+    hills: Callable[[tuple[int, int], IntArray, IntArray], IntArray]
+    moments: Callable[[Particles, Weights, IntArray, int, FloatArray], Moments]
+
+
+NUMPY = Backend(
+    "numpy",
+    philox.random_words,
+    stages.propagate,
+    stages.reweigh,
+    stages.weigh,
+    stages.systematic,
+    histogram.histogram,
+    modes.hills,
+    modes.moments,
+)
+
+
+@cache
+def compiled() -> Backend | None:
+    """Return the backend that numba compiles when it is first used.
+
+    Returns
+    -------
+    Backend or None
+        None when numba is not installed (it comes with ``homsense[fast]``).
+    """
+    try:
+        kernels = import_module("homsense.compiled.filter_kernels")
+    except ImportError:
+        return None
+    return Backend("numba", *(getattr(kernels, stage) for stage in Backend._fields[1:]))
+
+
+def fastest() -> Backend:
+    """Return the compiled backend where it can be had, else numpy.
+
+    Returns
+    -------
+    Backend
+        What a localizer uses unless told otherwise.
+    """
+    return compiled() or NUMPY
+
+
+def warmed() -> Backend:
+    """Return the compiled backend after it has compiled everything, which may take some seconds.
+
+    Returns
+    -------
+    Backend
+        Numpy when numba is not installed.
+    """
+    chosen = fastest()
+    nobody, nothing = np.zeros(1, np.float32), np.zeros(1, np.int32)
+    particles = Particles(nobody, nobody, nobody, nothing)
+    raster = Raster(np.float32(0.0), np.float32(0.0), np.float32(1.0), 1, 1)
+    walls = Walls(raster, np.float32(0.5), np.array([1.0, -1.0], np.float32))
+    move = Move(np.zeros(3, np.float32), np.zeros(6, np.float32))
+    chosen.random_words(0, 0, 0, 1)
+    particles = chosen.propagate(particles, move, walls, 0, 1)
+    particles = chosen.reweigh(particles, raster, np.zeros(2, np.int32), nothing).particles
+    weights, sums = chosen.weigh(particles)
+    chosen.systematic(particles, weights, sums.total, 0, 1)
+    found = chosen.histogram(particles, weights, 1.0)
+    chosen.hills(found.smooth.shape, found.order, found.smooth.ravel())
+    chosen.moments(particles, weights, np.zeros(1, np.int64), 1, np.zeros(2))
+    return chosen

@@ -1,0 +1,94 @@
+"""Single-precision arithmetic and random bits, compiled; see `homsense.exact` and `philox`."""
+
+from typing import Any
+
+import numpy as np
+
+from homsense import exact, philox
+from homsense.compiled.jit import inlined
+
+HALF, ONE, QUARTER = exact.HALF, exact.ONE, exact.QUARTER
+_MINUS_TWO, _UNIT = exact.MINUS_TWO, exact.UNIT
+_ROOT_HALF, _MANTISSA = exact.ROOT_HALF, exact.MANTISSA
+_L0, _L1, _L2, _L3, _L4, _L5, _L6, _L7, _L8 = exact.LOG
+_LOG_2_HIGH, _LOG_2_LOW = exact.LOG_2_HIGH, exact.LOG_2_LOW
+_S0, _S1, _S2, _S3, _S4 = exact.SINE
+_M0, _M1 = philox.MULTIPLIERS
+_W0, _W1 = philox.WEYL
+_ROUNDS = philox.ROUNDS
+_WORD, _EIGHT = np.uint64(32), np.uint32(8)
+_TWENTY_THREE = np.int32(23)
+
+
+@inlined
+def random_words(index: Any, tick: Any, purpose: Any, seed: Any) -> Any:
+    """Return the four random words of a number."""
+    c0, c1 = np.uint32(index), np.uint32(tick)
+    c2, c3 = np.uint32(tick >> _WORD), np.uint32(purpose)
+    k0, k1 = np.uint32(seed), np.uint32(seed >> _WORD)
+    for _ in range(_ROUNDS):
+        low, high = _M0 * np.uint64(c0), _M1 * np.uint64(c2)
+        c0, c1, c2, c3 = (
+            np.uint32(high >> _WORD) ^ c1 ^ k0,
+            np.uint32(high),
+            np.uint32(low >> _WORD) ^ c3 ^ k1,
+            np.uint32(low),
+        )
+        k0, k1 = np.uint32(k0 + _W0), np.uint32(k1 + _W1)
+    return c0, c1, c2, c3
+
+
+@inlined
+def unit_interval(word: Any) -> Any:
+    """Return a random word as a number in (0, 1]."""
+    return (np.float32(word >> _EIGHT) + HALF) * _UNIT
+
+
+@inlined
+def log_unit(number: Any) -> Any:
+    """Return the natural logarithm."""
+    bits = np.int32(np.float32(number).view(np.int32) - _ROOT_HALF)
+    exponent = np.float32(bits >> _TWENTY_THREE)
+    f = np.int32(np.int32(bits & _MANTISSA) + _ROOT_HALF).view(np.float32) - ONE
+    square = f * f
+    series = ((((_L0 * f + _L1) * f + _L2) * f + _L3) * f + _L4) * f + _L5
+    series = (((series * f + _L6) * f + _L7) * f + _L8) * f * square
+    series = series + _LOG_2_LOW * exponent
+    series = series - HALF * square
+    return (f + series) + _LOG_2_HIGH * exponent
+
+
+@inlined
+def sine(turns: Any) -> Any:
+    """Return the sine of an angle in turns."""
+    folded = wrap_turns(turns)
+    acute = QUARTER - abs(abs(folded) - QUARTER)
+    return np.copysign(_sine_of_acute(acute), folded)
+
+
+@inlined
+def cosine(turns: Any) -> Any:
+    """Return the cosine of an angle in turns."""
+    return _sine_of_acute(QUARTER - abs(wrap_turns(turns)))
+
+
+@inlined
+def _sine_of_acute(turns: Any) -> Any:
+    square = turns * turns
+    series = (((_S0 * square + _S1) * square + _S2) * square + _S3) * square + _S4
+    return series * turns
+
+
+@inlined
+def standard_normals(w0: Any, w1: Any, w2: Any, w3: Any) -> Any:
+    """Return three independent normal deviates."""
+    near = np.sqrt(_MINUS_TWO * log_unit(unit_interval(w0)))
+    around = unit_interval(w1)
+    far = np.sqrt(_MINUS_TWO * log_unit(unit_interval(w2)))
+    return near * cosine(around), near * sine(around), far * cosine(unit_interval(w3))
+
+
+@inlined
+def wrap_turns(turns: Any) -> Any:
+    """Return an angle in [-1/2, 1/2)."""
+    return turns - np.floor(turns + HALF)

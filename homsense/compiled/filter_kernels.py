@@ -1,0 +1,259 @@
+"""The compiled stages of the filter behind the signatures of `homsense.backend.Backend`."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homsense.compiled import exact, stages, summary
+from homsense.compiled.jit import fingerprint, kept
+from homsense.free_space import Walls
+from homsense.grid import Raster
+from homsense.histogram import Histogram
+from homsense.modes import Moments
+from homsense.particles import Particles
+from homsense.stages import Move, Reweighed
+from homsense.weights import WeightSums
+
+FloatArray = NDArray[np.float64]
+Integers = NDArray[np.int32]
+IntArray = NDArray[np.int64]
+Weights = NDArray[np.uint32]
+
+
+def random_words(seed: int, tick: int, purpose: int, count: int) -> Weights:
+    """Return four random words for each of the numbers from 0.
+
+    Parameters
+    ----------
+    seed, tick : int
+        In [0, 2**64).
+    purpose : int
+        Number of the stream, in [0, 2**32).
+    count : int
+        How many.
+
+    Returns
+    -------
+    ndarray, shape (4, count), uint32
+        As `homsense.philox.random_words` gives them.
+    """
+    drawn: Weights = _words(np.uint64(seed), np.uint64(tick), int(purpose), count)
+    return drawn
+
+
+def propagate(particles: Particles, move: Move, walls: Walls, seed: int, tick: int) -> Particles:
+    """Draw where each particle is after a motion.
+
+    Parameters
+    ----------
+    particles : Particles
+        Before.
+    move : Move
+        The motion.
+    walls : Walls
+        What stops.
+    seed, tick : int
+        Key of the random numbers.
+
+    Returns
+    -------
+    Particles
+        As `homsense.stages.propagate` gives them.
+    """
+    return Particles(*_propagate(particles, *move, walls, np.uint64(seed), np.uint64(tick)))
+
+
+def reweigh(particles: Particles, raster: Raster, codes: Integers, table: Integers) -> Reweighed:
+    """Multiply each weight by the likelihood of the measurement at its place.
+
+    Parameters
+    ----------
+    particles : Particles
+        Before.
+    raster : Raster
+        The cells.
+    codes : ndarray, shape (rows * columns + 1,), int32
+        Code of each cell.
+    table : ndarray, shape (n_codes,), int32
+        Log-likelihood of each code.
+
+    Returns
+    -------
+    Reweighed
+        As `homsense.stages.reweigh` gives it.
+    """
+    log_weight, *summed = _reweigh(particles, raster, codes, table)
+    return Reweighed(particles._replace(log_weight=log_weight), *map(int, summed))
+
+
+def weigh(particles: Particles) -> tuple[Weights, WeightSums]:
+    """Return the weights and their sums.
+
+    Parameters
+    ----------
+    particles : Particles
+        The best log-weight is 0.
+
+    Returns
+    -------
+    weights : ndarray, shape (N,), uint32
+        At most 2**20.
+    summed : WeightSums
+        Exact.
+    """
+    weights, total, squares = _weigh(particles.log_weight)
+    return weights, WeightSums(len(weights), int(total), int(squares))
+
+
+def systematic(
+    particles: Particles, weights: Weights, total: int, offset: int, count: int
+) -> Particles:
+    """Draw particles with one random offset and equal strides.
+
+    Parameters
+    ----------
+    particles : Particles
+        Before.
+    weights : ndarray, shape (N,), uint32
+        At most 2**20.
+    total : int
+        Their sum, positive.
+    offset : int
+        Random, in [0, total).
+    count : int
+        How many to draw.
+
+    Returns
+    -------
+    Particles
+        As `homsense.stages.systematic` gives them.
+    """
+    return Particles(*_systematic(particles, weights, total, offset, count))
+
+
+def histogram(particles: Particles, weights: Weights, cell_m: float) -> Histogram:
+    """Return the histogram of some particles.
+
+    Parameters
+    ----------
+    particles : Particles
+        Where.
+    weights : ndarray, shape (N,), uint32
+        How heavy.
+    cell_m : float
+        Side of a cell, metres.
+
+    Returns
+    -------
+    Histogram
+        As `homsense.histogram.histogram` gives it.
+    """
+    return Histogram(cell_m, *_histogram(particles, weights, np.float32(1.0 / cell_m)))
+
+
+def hills(shape: tuple[int, int], order: IntArray, smooth: IntArray) -> IntArray:
+    """Assign each cell with mass to a mode.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Rows and columns.
+    order : ndarray, int64
+        Flat indices of the cells with mass, heaviest first.
+    smooth : ndarray, shape (rows * columns,), int64
+        Mass of each cell.
+
+    Returns
+    -------
+    ndarray, shape (len(order),), int64
+        As `homsense.modes.hills` gives it.
+    """
+    found: IntArray = _hills(*shape, order, smooth)
+    return found
+
+
+def moments(
+    particles: Particles, weights: Weights, of_mode: IntArray, n_modes: int, corner: FloatArray
+) -> Moments:
+    """Sum over the particles of each mode.
+
+    Parameters
+    ----------
+    particles : Particles
+        Poses.
+    weights : ndarray, shape (N,), uint32
+        How heavy.
+    of_mode : ndarray, shape (N,), int64
+        Number of the mode of each particle.
+    n_modes : int
+        How many there are.
+    corner : ndarray, shape (2,), float64
+        Where positions are counted from, metres.
+
+    Returns
+    -------
+    Moments
+        As `homsense.modes.moments` gives them.
+    """
+    return Moments(*_moments(particles, weights, of_mode, n_modes, corner))
+
+
+def _outermost(fingerprint: str) -> tuple[Callable[..., Any], ...]:
+    """Return the functions that Python calls; what they enclose is a part of their cache key."""
+
+    def words(seed, tick, purpose, count):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+        fingerprint  # noqa: B018
+        return stages.words(seed, tick, purpose, count)
+
+    def propagate(particles, mean, root, walls, seed, tick):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+        fingerprint  # noqa: B018
+        return stages.propagate(particles, mean, root, walls, seed, tick)
+
+    def reweigh(particles, raster, codes, table):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+        fingerprint  # noqa: B018
+        return stages.reweigh(particles, raster, codes, table)
+
+    def weigh(log_weight):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+        fingerprint  # noqa: B018
+        return stages.weigh(log_weight)
+
+    def systematic(particles, weights, total, offset, count):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+        fingerprint  # noqa: B018
+        return stages.systematic(particles, weights, total, offset, count)
+
+    def histogram(particles, weights, per_m):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+        fingerprint  # noqa: B018
+        return summary.histogram(particles, weights, per_m)
+
+    def hills(rows, columns, order, smooth):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+        fingerprint  # noqa: B018
+        return summary.hills(rows, columns, order, smooth)
+
+    def moments(particles, weights, of_mode, n_modes, corner):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+        fingerprint  # noqa: B018
+        return summary.moments(particles, weights, of_mode, n_modes, corner)
+
+    return (
+        kept(words),
+        kept(propagate),
+        kept(reweigh),
+        kept(weigh),
+        kept(systematic),
+        kept(histogram),
+        kept(hills),
+        kept(moments),
+    )
+
+
+(
+    _words,
+    _propagate,
+    _reweigh,
+    _weigh,
+    _systematic,
+    _histogram,
+    _hills,
+    _moments,
+) = _outermost(fingerprint(exact, stages, summary))

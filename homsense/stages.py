@@ -1,0 +1,281 @@
+"""The stages of the filter over all particles, in numpy.
+
+`homsense.compiled.stages` repeats them operation by operation; the results have the same bits.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homsense.exact import cosine, sine, standard_normals, wrap_turns
+from homsense.free_space import Walls
+from homsense.grid import Raster
+from homsense.particles import Particles, joined
+from homsense.philox import Purpose, random_words
+from homsense.resample import strides
+from homsense.weights import BLOCKED, LOWEST, WeightSums, linear, sums
+
+Integers = NDArray[np.int32]
+IntArray = NDArray[np.intp]
+Singles = NDArray[np.float32]
+Weights = NDArray[np.uint32]
+
+BLOCK = 8192
+
+
+class Move(NamedTuple):
+    """A measured motion in the body frame, and how uncertain it is.
+
+    Parameters
+    ----------
+    mean : ndarray, shape (3,), float32
+        Forward m, left m, turn in turns.
+    root : ndarray, shape (6,), float32
+        Lower triangle, row by row, of the square root of the covariance.
+    """
+
+    mean: Singles
+    root: Singles
+
+
+def propagate(particles: Particles, move: Move, walls: Walls, seed: int, tick: int) -> Particles:
+    """Draw where each particle is after a motion; walls stop it and make it unlikely.
+
+    Parameters
+    ----------
+    particles : Particles
+        Before.
+    move : Move
+        The motion.
+    walls : Walls
+        What stops.
+    seed, tick : int
+        Key of the random numbers, in [0, 2**64).
+
+    Returns
+    -------
+    Particles
+        After, with the best log-weight at 0; those that a wall has stopped are where they were,
+        turned.
+    """
+    parts = [
+        _propagate(
+            _block(particles, first),
+            move,
+            walls,
+            random_words(seed, tick, Purpose.MOTION, min(BLOCK, particles.size - first), first),
+        )
+        for first in range(0, particles.size, BLOCK)
+    ]
+    moved = parts[0] if len(parts) == 1 else joined(parts)
+    return moved._replace(log_weight=moved.log_weight - moved.log_weight.max())
+
+
+def _block(particles: Particles, first: int) -> Particles:
+    part = slice(first, first + BLOCK)
+    x, y, turns, log_weight = particles
+    return Particles(x[part], y[part], turns[part], log_weight[part])
+
+
+def _propagate(particles: Particles, move: Move, walls: Walls, words: Weights) -> Particles:
+    forward, left, turn = _noisy(move, standard_normals(words))
+    up, right = sine(particles.turns), cosine(particles.turns)
+    x = particles.x_m + (right * forward - up * left)
+    y = particles.y_m + (up * forward + right * left)
+    stopped = np.flatnonzero(blocked(particles.x_m, particles.y_m, x, y, walls))
+    x[stopped], y[stopped] = particles.x_m[stopped], particles.y_m[stopped]
+    log_weight = particles.log_weight.copy()
+    log_weight[stopped] = np.maximum(log_weight[stopped] + BLOCKED, LOWEST)
+    return Particles(x, y, wrap_turns(particles.turns + turn), log_weight)
+
+
+def _noisy(
+    move: Move, normals: tuple[Singles, Singles, Singles]
+) -> tuple[Singles, Singles, Singles]:
+    n0, n1, n2 = normals
+    r00, r10, r11, r20, r21, r22 = move.root
+    return (
+        move.mean[0] + r00 * n0,
+        move.mean[1] + (r10 * n0 + r11 * n1),
+        move.mean[2] + ((r20 * n0 + r21 * n1) + r22 * n2),
+    )
+
+
+def cells_at(raster: Raster, x_m: Singles, y_m: Singles) -> IntArray:
+    """Return the flat index of the cell of each place; the index behind the last one outside.
+
+    Parameters
+    ----------
+    raster : Raster
+        The cells.
+    x_m, y_m : ndarray, shape (N,), float32
+        Places.
+
+    Returns
+    -------
+    ndarray, shape (N,), intp
+        In [0, rows * columns].
+    """
+    column = np.floor((x_m - raster.west_m) * raster.cells_per_m)
+    row = np.floor((y_m - raster.south_m) * raster.cells_per_m)
+    inside = (column >= 0) & (column < raster.columns) & (row >= 0) & (row < raster.rows)
+    flat = np.where(inside, row, 0).astype(np.intp) * raster.columns
+    flat += np.where(inside, column, 0).astype(np.intp)
+    return np.where(inside, flat, raster.columns * raster.rows)
+
+
+def blocked(
+    x_m: Singles, y_m: Singles, to_x_m: Singles, to_y_m: Singles, walls: Walls
+) -> NDArray[np.bool_]:
+    """Tell which straight moves meet a cell that is not free.
+
+    The way is looked at in strides as long as the clearance of the place reached, or half a cell;
+    so no more than a corner can be cut.
+
+    Parameters
+    ----------
+    x_m, y_m, to_x_m, to_y_m : ndarray, shape (N,), float32
+        Places before and after.
+    walls : Walls
+        What stops.
+
+    Returns
+    -------
+    ndarray, shape (N,), bool
+        True where the move is stopped.
+    """
+    right, up = to_x_m - x_m, to_y_m - y_m
+    square = right * right + up * up
+    clearance = walls.clearance_m[cells_at(walls.raster, x_m, y_m)]
+    near = np.flatnonzero((clearance < 0) | (square > clearance * clearance))
+    stopped = np.zeros(len(x_m), np.bool_)
+    stopped[near] = walls.clearance_m[cells_at(walls.raster, to_x_m[near], to_y_m[near])] < 0
+    near = near[~stopped[near]]
+    length = np.sqrt(square[near])
+    gone = np.maximum(clearance[near], walls.half_cell_m)
+    while True:
+        on_the_way = np.flatnonzero(gone < length)
+        if not len(on_the_way):
+            return stopped
+        near, length, gone = near[on_the_way], length[on_the_way], gone[on_the_way]
+        part = gone / length
+        x, y = x_m[near] + right[near] * part, y_m[near] + up[near] * part
+        ahead = walls.clearance_m[cells_at(walls.raster, x, y)]
+        stopped[near] = ahead < 0
+        gone = np.where(ahead < 0, length, gone + np.maximum(ahead, walls.half_cell_m))
+
+
+class Reweighed(NamedTuple):
+    """What a measurement has done.
+
+    Parameters
+    ----------
+    particles : Particles
+        With the best log-weight at 0.
+    gain : int
+        What the log-weights were lowered by so that the best is 0.
+    before, after : int
+        Sums of the weights.
+    """
+
+    particles: Particles
+    gain: int
+    before: int
+    after: int
+
+
+def reweigh(particles: Particles, raster: Raster, codes: Integers, table: Integers) -> Reweighed:
+    """Multiply each weight by the likelihood of the measurement at its place.
+
+    Parameters
+    ----------
+    particles : Particles
+        Before.
+    raster : Raster
+        The cells.
+    codes : ndarray, shape (rows * columns + 1,), int32
+        Code of each cell.
+    table : ndarray, shape (n_codes,), int32
+        Log-likelihood of each code.
+
+    Returns
+    -------
+    Reweighed
+        The particles, and what their evidence can be computed from.
+    """
+    before = sums(linear(particles.log_weight)).total
+    gained = particles.log_weight + table[codes[cells_at(raster, particles.x_m, particles.y_m)]]
+    best = gained.max()
+    log_weight = np.maximum(gained - best, LOWEST)
+    after = sums(linear(log_weight)).total
+    return Reweighed(particles._replace(log_weight=log_weight), int(best), before, after)
+
+
+def weigh(particles: Particles) -> tuple[Weights, WeightSums]:
+    """Return the weights and their sums.
+
+    Parameters
+    ----------
+    particles : Particles
+        The best log-weight is 0.
+
+    Returns
+    -------
+    weights : ndarray, shape (N,), uint32
+        At most 2**20.
+    summed : WeightSums
+        Exact.
+    """
+    weights = linear(particles.log_weight)
+    return weights, sums(weights)
+
+
+def systematic(
+    particles: Particles, weights: Weights, total: int, offset: int, count: int
+) -> Particles:
+    """Draw particles with one random offset and equal strides.
+
+    Parameters
+    ----------
+    particles : Particles
+        Before.
+    weights : ndarray, shape (N,), uint32
+        At most 2**20.
+    total : int
+        Their sum, positive.
+    offset : int
+        Random, in [0, total).
+    count : int
+        How many to draw, in [1, 2**20].
+
+    Returns
+    -------
+    Particles
+        In the same order, of equal weight; each occurs as often as its share of `count` says,
+        rounded down or up.
+    """
+    return chosen(particles, strides(weights, total, offset, count))
+
+
+def chosen(particles: Particles, ancestors: IntArray) -> Particles:
+    """Return some particles with equal weight.
+
+    Parameters
+    ----------
+    particles : Particles
+        Before.
+    ancestors : ndarray, shape (M,), intp
+        Which ones.
+
+    Returns
+    -------
+    Particles
+        Of log-weight 0.
+    """
+    return Particles(
+        particles.x_m[ancestors],
+        particles.y_m[ancestors],
+        particles.turns[ancestors],
+        np.zeros(len(ancestors), np.int32),
+    )
