@@ -20,6 +20,7 @@ from homsense.weights import WeightSums
 FloatArray = NDArray[np.float64]
 Integers = NDArray[np.int32]
 IntArray = NDArray[np.int64]
+Codes = NDArray[np.uint16]
 Weights = NDArray[np.uint32]
 
 
@@ -39,7 +40,7 @@ class Backend(NamedTuple):
     name: str
     random_words: Callable[[int, int, int, int], Weights]
     propagate: Callable[[Particles, Move, Walls, int, int], Particles]
-    reweigh: Callable[[Particles, Raster, Integers, Integers], Reweighed]
+    reweigh: Callable[[Particles, Raster, Codes, Integers], Reweighed]
     weigh: Callable[[Particles], tuple[Weights, WeightSums]]
     systematic: Callable[[Particles, Weights, int, int, int], Particles]
     histogram: Callable[[Particles, Weights, float], Histogram]
@@ -98,12 +99,12 @@ def warmed() -> Backend:
     chosen = fastest()
     nobody, nothing = np.zeros(1, np.float32), np.zeros(1, np.int32)
     particles = Particles(nobody, nobody, nobody, nothing)
-    raster = Raster(np.float32(0.0), np.float32(0.0), np.float32(1.0), 1, 1)
-    walls = Walls(raster, np.float32(0.5), np.array([1.0, -1.0], np.float32))
+    raster = Raster(np.float32(-1.0), np.float32(-1.0), np.float32(1.0), 3, 3)
+    walls = Walls(raster, np.float32(0.5), np.eye(9, dtype=np.uint8)[4])
     move = Move(np.zeros(3, np.float32), np.zeros(6, np.float32))
     chosen.random_words(0, 0, 0, 1)
     particles = chosen.propagate(particles, move, walls, 0, 1)
-    particles = chosen.reweigh(particles, raster, np.zeros(2, np.int32), nothing).particles
+    particles = chosen.reweigh(particles, raster, np.zeros(9, np.uint16), nothing).particles
     weights, sums = chosen.weigh(particles)
     chosen.systematic(particles, weights, sums.total, 0, 1)
     found = chosen.histogram(particles, weights, 1.0)

@@ -19,7 +19,8 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
 NOWHERE = 0
-_STEPS_PER_HOLE = 16
+MAX_CODES = 2**16 - 1
+_STEPS_PER_HOLE = 16.0
 
 
 @dataclass(frozen=True)
@@ -30,14 +31,14 @@ class CodeMap:
     ----------
     free_space : FreeSpace
         The cells.
-    codes : ndarray, shape (rows * columns + 1,), int32
-        Code of each cell; 0 where it is not free, and outside.
+    codes : ndarray, uint16
+        Code of each cell of the raster, by flat index; 0 where it is not free.
     expected : ndarray, shape (n_codes, n_levels), float64
         Counts that a code expects in each neighborhood; not a number for code 0.
     """
 
     free_space: FreeSpace
-    codes: NDArray[np.int32]
+    codes: NDArray[np.uint16]
     expected: FloatArray
 
     @classmethod
@@ -54,25 +55,23 @@ class CodeMap:
         Returns
         -------
         CodeMap
-            Counts are kept to a sixteenth.
+            Counts are kept to a sixteenth, or less where there would be too many codes.
         """
         free = np.flatnonzero(free_space.free[:-1])
         centers = free_space.grid.centers()[free]
-        steps = [
-            np.rint(np.nan_to_num(height.at(centers)) * _STEPS_PER_HOLE).astype(np.int64)
-            for height in heights
-        ]
-        combined = np.zeros(len(free), np.int64)
-        for level in steps:
-            combined = np.unique(
-                combined * (level.max(initial=0) + 1) + level, return_inverse=True
-            )[1]
-        _, first, code = np.unique(combined, return_index=True, return_inverse=True)
-        codes = np.full(free_space.free.size, NOWHERE, np.int32)
-        codes[free] = code + 1
-        nowhere = np.full((1, len(heights)), np.nan)
-        known = np.array(steps, np.float64).reshape(len(heights), len(free)).T[first]
-        return cls(free_space, codes, np.concatenate([nowhere, known / _STEPS_PER_HOLE]))
+        expected = np.array([np.nan_to_num(height.at(centers)) for height in heights])
+        steps_per_hole = _STEPS_PER_HOLE
+        while True:
+            steps = np.rint(expected * steps_per_hole).astype(np.int64).reshape(-1, len(free))
+            first, code = _codes(steps)
+            if len(first) <= MAX_CODES:
+                break
+            steps_per_hole /= 2.0
+        codes = np.full(free_space.grid.shape, NOWHERE, np.uint16)
+        codes.ravel()[free] = code + 1
+        ringed = np.pad(codes, 1).ravel()
+        nowhere = np.full((1, len(steps)), np.nan)
+        return cls(free_space, ringed, np.concatenate([nowhere, steps.T[first] / steps_per_hole]))
 
     @property
     def n_levels(self) -> int:
@@ -80,19 +79,31 @@ class CodeMap:
         return int(self.expected.shape[1])
 
     @cached_property
-    def sizes(self) -> NDArray[np.int64]:
+    def sizes(self) -> FloatArray:
         """How many free cells have each code; none has code 0."""
-        sizes = np.bincount(self.codes, minlength=len(self.expected))
-        sizes[NOWHERE] = 0
+        sizes = np.bincount(self.codes, minlength=len(self.expected)).astype(np.float64)
+        sizes[NOWHERE] = 0.0
         return sizes
 
     @cached_property
     def cells(self) -> IntArray:
         """The free cells, sorted by code."""
-        order = np.argsort(self.codes, kind="stable")
+        raster = self.free_space.grid.raster
+        codes = self.codes.reshape(raster.rows, raster.columns)[1:-1, 1:-1].ravel()
+        order = np.argsort(codes, kind="stable")
         return order[len(order) - int(self.sizes.sum()) :]
 
     @cached_property
-    def starts(self) -> NDArray[np.int64]:
+    def starts(self) -> IntArray:
         """Where the cells of each code begin in `cells`."""
-        return np.cumsum(self.sizes) - self.sizes
+        return (np.cumsum(self.sizes) - self.sizes).astype(np.intp)
+
+
+def _codes(steps: NDArray[np.int64]) -> tuple[IntArray, IntArray]:
+    """Return the first cell of each code, and the code of each cell, from 0."""
+    combined = np.zeros(steps.shape[1], np.int64)
+    for level in steps:
+        wide = combined * (level.max(initial=0) + 1) + level
+        combined = np.unique(wide, return_inverse=True)[1]
+    _, first, code = np.unique(combined, return_index=True, return_inverse=True)
+    return first, code

@@ -19,6 +19,7 @@ Singles = NDArray[np.float32]
 Words = NDArray[np.uint32]
 
 _UNIT = 2.0**-32
+_MOST_HALVES = 254.0
 _WORD = np.uint64(32)
 
 
@@ -31,14 +32,14 @@ class Walls(NamedTuple):
         The cells.
     half_cell_m : float32
         Half the side of a cell, metres.
-    clearance_m : ndarray, shape (rows * columns + 1,), float32
-        From anywhere in a cell to the nearest cell that is not free, at least; -1 where the cell
-        itself is not. The last entry is outside.
+    clearance : ndarray, shape (rows * columns,), uint8
+        From anywhere in a cell to the nearest cell that is not free, at least, in half cells and
+        one more; 0 where the cell itself is not free.
     """
 
     raster: Raster
     half_cell_m: np.float32
-    clearance_m: Singles
+    clearance: NDArray[np.uint8]
 
 
 @dataclass(frozen=True)
@@ -145,12 +146,9 @@ class FreeSpace:
         apart = ndimage.distance_transform_edt(
             ~ndimage.binary_dilation(~free, np.ones((3, 3), np.bool_))
         )
-        clearance = np.where(free, apart * grid.cell_m, -1.0)[1:-1, 1:-1]
-        return Walls(
-            grid.raster,
-            np.float32(0.5 * grid.cell_m),
-            np.append(clearance, -1.0).astype(np.float32),
-        )
+        halves = np.minimum(np.floor(2.0 * apart), _MOST_HALVES)
+        clearance = np.where(free, 1.0 + halves, 0.0).astype(np.uint8)
+        return Walls(grid.raster, np.float32(0.5 * grid.cell_m), clearance.ravel())
 
     @cached_property
     def _free_cells(self) -> IntArray:

@@ -17,16 +17,18 @@ MAX_CELLS = 4_000_000
 
 
 class Raster(NamedTuple):
-    """A grid as the filter looks it up, in single precision.
+    """A grid with a ring of cells around it, as the filter looks it up, in single precision.
+
+    All that lies outside belongs to the ring, so a look-up needs no question.
 
     Parameters
     ----------
     west_m, south_m : float32
-        Corner of the first cell, metres.
+        Corner of the ring, metres.
     cells_per_m : float32
         One over the side of a cell.
     columns, rows : int
-        Number of cells to the east and to the north.
+        Number of cells to the east and to the north, with the ring.
     """
 
     west_m: np.float32
@@ -95,9 +97,10 @@ class Grid:
 
     @property
     def raster(self) -> Raster:
-        """The same in single precision."""
-        corner = np.float32(self.west_m), np.float32(self.south_m)
-        return Raster(*corner, np.float32(1.0 / self.cell_m), self.columns, self.rows)
+        """The same with a ring around it, in single precision."""
+        west, south = self.west_m - self.cell_m, self.south_m - self.cell_m
+        per_m = np.float32(1.0 / self.cell_m)
+        return Raster(np.float32(west), np.float32(south), per_m, self.columns + 2, self.rows + 2)
 
     def centers(self) -> FloatArray:
         """Return the middle of every cell.

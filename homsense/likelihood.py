@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ FloatArray = NDArray[np.float64]
 
 MAX_COUNT = 1_000_000
 _NO_MATCH, _LEAST = 1e3, 1e-300
+_REMEMBERED = 512
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,38 +58,54 @@ class CountNoise:
             raise InvalidConfigurationError(message, "correlation_m")
 
 
-def code_likelihood(code_map: CodeMap, counts: Sequence[int], noise: CountNoise) -> FloatArray:
-    """Return how well each code explains measured counts: near times far, each a floored Gaussian.
+class CodeLikelihood:
+    """How well each code explains measured counts: near times far, each a floored Gaussian.
 
     Parameters
     ----------
     code_map : CodeMap
         Expected counts.
-    counts : sequence of int
-        Measured counts, one for each neighborhood, in [0, 1e6].
     noise : CountNoise
         The error model.
-
-    Returns
-    -------
-    ndarray, shape (n_codes,), float64
-        Binary logarithms, at most 0; a place that is not free explains nothing.
-
-    Raises
-    ------
-    InvalidInputError
-        If the number of counts differs from that of the neighborhoods, or a count is out of
-        range.
     """
-    if len(counts) != code_map.n_levels:
-        message = f"{code_map.n_levels} counts are expected, not {len(counts)}"
-        raise InvalidInputError(message, "counts")
-    for count in counts:
-        if not 0 <= count <= MAX_COUNT:
-            message = f"a count must be in [0, {MAX_COUNT}], not {count}"
+
+    def __init__(self, code_map: CodeMap, noise: CountNoise) -> None:
+        self._n_levels = code_map.n_levels
+        self._of_level = lru_cache(_REMEMBERED)(partial(_level_likelihood, code_map, noise))
+
+    def __call__(self, counts: Sequence[int]) -> FloatArray:
+        """Weigh a measurement once for each code.
+
+        Parameters
+        ----------
+        counts : sequence of int
+            Measured counts, one for each neighborhood, in [0, 1e6].
+
+        Returns
+        -------
+        ndarray, shape (n_codes,), float64
+            Binary logarithms, at most 0; a place that is not free explains nothing.
+
+        Raises
+        ------
+        InvalidInputError
+            If the number of counts differs from that of the neighborhoods, or a count is out of
+            range.
+        """
+        if len(counts) != self._n_levels:
+            message = f"{self._n_levels} counts are expected, not {len(counts)}"
             raise InvalidInputError(message, "counts")
-    apart = (code_map.expected - np.asarray(counts, np.float64)) / noise.sigma
+        for count in counts:
+            if not 0 <= count <= MAX_COUNT:
+                message = f"a count must be in [0, {MAX_COUNT}], not {count}"
+                raise InvalidInputError(message, "counts")
+        total = self._of_level(0, counts[0])
+        for level, count in enumerate(counts[1:], start=1):
+            total = total + self._of_level(level, count)
+        return total
+
+
+def _level_likelihood(code_map: CodeMap, noise: CountNoise, level: int, count: int) -> FloatArray:
+    apart = (code_map.expected[:, level] - float(count)) / noise.sigma
     match = exp(-0.5 * np.square(np.nan_to_num(apart, nan=_NO_MATCH)))
-    level = np.maximum(noise.floor + (1.0 - noise.floor) * match, _LEAST)
-    total: FloatArray = log2(level).sum(axis=1)
-    return total
+    return log2(np.maximum(noise.floor + (1.0 - noise.floor) * match, _LEAST))

@@ -8,7 +8,6 @@ function of the map, the parameters, a seed and its inputs, to the last bit: see
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -18,11 +17,11 @@ from homsense import recovery
 from homsense.backend import Backend, fastest
 from homsense.code_map import NOWHERE, CodeMap
 from homsense.configuration import LocalizerConfig
-from homsense.errors import InvalidInputError
+from homsense.errors import InvalidConfigurationError, InvalidInputError
 from homsense.estimate import PoseDistribution
 from homsense.free_space import FreeSpace
 from homsense.height import HeightMap
-from homsense.likelihood import code_likelihood
+from homsense.likelihood import CodeLikelihood
 from homsense.motion import measured_move
 from homsense.particles import Particles, joined
 from homsense.philox import Purpose
@@ -38,7 +37,6 @@ from homsense.weights import BLOCKED, UNITS_PER_BIT, bits, units
 FloatArray = NDArray[np.float64]
 
 _STREAMS = len(Purpose)
-_REMEMBERED = 512
 _WATCHING = Relocation()
 
 
@@ -83,9 +81,9 @@ class LocalizerState:
 
 
 class _Fresh(NamedTuple):
-    """Particles to draw anew: from which likelihood, and which share of all."""
+    """Particles to draw anew: from where, and which share of all."""
 
-    table: NDArray[np.int32]
+    masses: recovery.CellMasses
     share: float
 
 
@@ -134,10 +132,13 @@ class Localizer:
         self.heights = tuple(heights)
         self.config = config or LocalizerConfig()
         self.free_space = free_space or FreeSpace.of(site_map, self.config.cell_m)
+        if not self.heights:
+            message = "there must be a height map for at least one neighborhood"
+            raise InvalidConfigurationError(message, "heights")
         self.code_map = code_map or CodeMap.of(self.free_space, self.heights)
         self.backend = backend or fastest()
         self.policy: Policy = ess_below(self.config.resample_below)
-        self._likelihood = lru_cache(_REMEMBERED)(self._code_likelihood)
+        self._likelihood = CodeLikelihood(self.code_map, self.config.noise)
 
     def run_by(self, backend: Backend) -> "Localizer":
         """Return the same localizer on another backend.
@@ -225,12 +226,23 @@ class Localizer:
         """
         motion = delta if isinstance(delta, Delta) else Delta(*delta)  # type: ignore[arg-type]
         motion.checked()
-        likelihood = None if counts is None else self._likelihood(tuple(counts))
-        after = self._propagate(state, motion)
-        fresh = None
-        if likelihood is not None and after.travel.length_m >= self.config.weigh_every_m:
-            after, fresh = self._reweigh(after, likelihood)
-        after = self._resample(after, fresh)
+        likelihood = None if counts is None else self._likelihood(counts)
+        tick, travel, fresh = state.tick + 1, state.travel.onward(motion), None
+        doubt = state.doubt._replace(injected=0)
+        particles = self.backend.propagate(
+            state.particles,
+            measured_move(motion, self.config.motion),
+            self.free_space.walls,
+            state.seed,
+            tick,
+        )
+        if likelihood is not None and travel.length_m >= self.config.weigh_every_m:
+            particles, doubt, fresh = self._reweigh(particles, doubt, likelihood, travel)
+            travel = Travel(0.0)
+        particles, injected = self._resample(particles, fresh, (state.seed, tick))
+        after = LocalizerState(
+            state.seed, tick, particles, travel, doubt._replace(injected=injected)
+        )
         return after, self.estimate(after)
 
     def estimate(self, state: LocalizerState) -> PoseDistribution:
@@ -268,67 +280,54 @@ class Localizer:
         )
         return replace(state, particles=found.particles)
 
-    def _propagate(self, state: LocalizerState, motion: Delta) -> LocalizerState:
-        tick = state.tick + 1
-        move = measured_move(motion, self.config.motion)
-        particles = self.backend.propagate(
-            state.particles, move, self.free_space.walls, state.seed, tick
-        )
-        return replace(state, tick=tick, particles=particles, travel=state.travel.onward(motion))
-
     def _reweigh(
-        self, state: LocalizerState, likelihood: FloatArray
-    ) -> tuple[LocalizerState, _Fresh | None]:
-        exponent = min(1.0, state.travel.length_m / self.config.noise.correlation_m)
+        self, particles: Particles, doubt: Doubt, likelihood: FloatArray, travel: Travel
+    ) -> tuple[Particles, Doubt, _Fresh | None]:
+        exponent = min(1.0, travel.length_m / self.config.noise.correlation_m)
         table = units(exponent * likelihood)
-        particles, gain, before, after = self.backend.reweigh(
-            state.particles, self.free_space.grid.raster, self.code_map.codes, table
+        weighed, gain, before, after = self.backend.reweigh(
+            particles, self.free_space.grid.raster, self.code_map.codes, table
         )
         evidence = gain / UNITS_PER_BIT + bits(after) - bits(before)
-        advantage = evidence - recovery.uniform_evidence(self.code_map, table)
-        doubt = state.doubt._replace(evidence_bits=evidence, advantage_bits=advantage)
+        masses = recovery.cell_masses(self.code_map, table)
+        advantage = evidence - masses.evidence_bits
         rule = self.config.recovery
-        doubt, share = (rule or _WATCHING).share(doubt, exponent)
-        weighed = replace(state, particles=particles, travel=Travel(0.0), doubt=doubt)
+        doubt, share = (rule or _WATCHING).share(
+            doubt._replace(evidence_bits=evidence, advantage_bits=advantage), exponent
+        )
         if rule is None:
-            return weighed, None
-        anywhere = np.zeros_like(table)
-        return weighed, _Fresh(table if rule.draws_from_measurement else anywhere, share)
+            return weighed, doubt, None
+        if not rule.draws_from_measurement:
+            masses = recovery.cell_masses(self.code_map, np.zeros_like(table))
+        return weighed, doubt, _Fresh(masses, share)
 
-    def _resample(self, state: LocalizerState, fresh: _Fresh | None) -> LocalizerState:
-        particles, adaptive = state.particles, self.config.adaptive
+    def _resample(
+        self, particles: Particles, fresh: _Fresh | None, key: tuple[int, int]
+    ) -> tuple[Particles, int]:
+        """Return the particles to go on with, and how many of them are drawn anew."""
+        random_words, adaptive = self.backend.random_words, self.config.adaptive
         weights, sums = self.backend.weigh(particles)
-        words = self._words(state, Purpose.RESAMPLING, 1)[:, 0].tolist()
-        injected = 0 if fresh is None else _rounded(fresh.share * particles.size, words[2])
+        high, low, spare, _ = random_words(*key, Purpose.RESAMPLING, 1)[:, 0].tolist()
+        injected = 0 if fresh is None else _rounded(fresh.share * particles.size, spare)
         if not injected and not self.policy(sums):
-            return replace(state, doubt=state.doubt._replace(injected=0))
+            return particles, 0
         count = particles.size if adaptive is None else adaptive.count(particles, weights)
         injected = min(injected, count - 1)
         if self.config.scheme == "systematic":
-            offset = scaled(words[0], words[1], sums.total)
+            offset = scaled(high, low, sums.total)
             kept = self.backend.systematic(
                 particles, weights, sums.total, offset, count - injected
             )
         else:
+            words = random_words(*key, Purpose.RESAMPLING, count)
             scheme = SCHEMES[self.config.scheme]
-            drawn = scheme(
-                weights, self._words(state, Purpose.RESAMPLING, count), count - injected
-            )
-            kept = chosen(particles, drawn)
-        if fresh is not None and injected:
-            draws = (
-                self._words(state, Purpose.RELOCATION + _STREAMS * block, injected)
-                for block in (0, 1)
-            )
-            found = recovery.draw(self.code_map, fresh.table, *draws)
-            kept = joined([kept, found])
-        return replace(state, particles=kept, doubt=state.doubt._replace(injected=injected))
-
-    def _words(self, state: LocalizerState, purpose: int, count: int) -> NDArray[np.uint32]:
-        return self.backend.random_words(state.seed, state.tick, purpose, count)
-
-    def _code_likelihood(self, counts: tuple[int, ...]) -> FloatArray:
-        return code_likelihood(self.code_map, counts, self.config.noise)
+            kept = chosen(particles, scheme(weights, words, count - injected))
+        if fresh is None or not injected:
+            return kept, 0
+        draws = (
+            random_words(*key, Purpose.RELOCATION + _STREAMS * block, injected) for block in (0, 1)
+        )
+        return joined([kept, recovery.draw(self.code_map, fresh.masses, *draws)]), injected
 
 
 def _rounded(number: float, word: int) -> int:

@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 
 from homsense.code_map import CodeMap
 from homsense.errors import InvalidConfigurationError
-from homsense.exact import exp
 from homsense.particles import Particles
+from homsense.scalar import exp2
 from homsense.weights import UNITS_PER_BIT, bits, linear
 
 Words = NDArray[np.uint32]
 
-_LN_2 = 0.6931471805599453
 _MOST_ODDS = 1e9
 _WORD = 2.0**-32
 _HALF = np.float32(0.5)
@@ -112,7 +111,7 @@ class Relocation:
             In [0, 1].
         """
         prior = self.probability * exponent
-        against = _two_to(-doubt.advantage_bits)
+        against = exp2(-doubt.advantage_bits)
         odds = min((doubt.odds + prior) * against / (1.0 - prior), _MOST_ODDS)
         lost = prior * against
         return doubt._replace(odds=odds), lost / (1.0 - prior + lost)
@@ -166,7 +165,7 @@ class AugmentedMcl:
             In [0, 1].
         """
         doubt, _ = Relocation().share(doubt, exponent)
-        likelihood = _two_to(doubt.evidence_bits)
+        likelihood = exp2(doubt.evidence_bits)
         if not doubt.slow:
             return doubt._replace(slow=likelihood, fast=likelihood), 0.0
         slow = doubt.slow + self.alpha_slow * (likelihood - doubt.slow)
@@ -174,8 +173,23 @@ class AugmentedMcl:
         return doubt._replace(slow=slow, fast=fast), max(0.0, 1.0 - fast / slow)
 
 
-def draw(code_map: CodeMap, table: NDArray[np.int32], which: Words, place: Words) -> Particles:
-    """Draw poses from p(x | z): a code by its cells and their likelihood, then one of its cells.
+class CellMasses(NamedTuple):
+    """How much of the likelihood of a measurement lies on the cells of each code.
+
+    Parameters
+    ----------
+    of_code : ndarray, shape (n_codes,), float64
+        Whole numbers; 2**20 for each cell of the code that explains best.
+    evidence_bits : float
+        Binary logarithm of the mean likelihood over all free space.
+    """
+
+    of_code: NDArray[np.float64]
+    evidence_bits: float
+
+
+def cell_masses(code_map: CodeMap, table: NDArray[np.int32]) -> CellMasses:
+    """Return where a measurement can have been made.
 
     Parameters
     ----------
@@ -183,6 +197,28 @@ def draw(code_map: CodeMap, table: NDArray[np.int32], which: Words, place: Words
         The cells.
     table : ndarray, shape (n_codes,), int32
         Log-likelihood of each code.
+
+    Returns
+    -------
+    CellMasses
+        Of all free space.
+    """
+    best = int(table[1:].max())
+    likelihood = linear(np.minimum(table - np.int32(best), np.int32(0)))
+    of_code = likelihood * code_map.sizes
+    mean = float(of_code.sum()) / len(code_map.cells)
+    return CellMasses(of_code, best / UNITS_PER_BIT + bits(mean))
+
+
+def draw(code_map: CodeMap, masses: CellMasses, which: Words, place: Words) -> Particles:
+    """Draw poses from p(x | z): a code by its mass, then one of its cells.
+
+    Parameters
+    ----------
+    code_map : CodeMap
+        The cells.
+    masses : CellMasses
+        Of the measurement.
     which, place : ndarray, shape (4, N), uint32
         Random bits.
 
@@ -191,55 +227,10 @@ def draw(code_map: CodeMap, table: NDArray[np.int32], which: Words, place: Words
     Particles
         Of equal weight and any heading.
     """
-    reached = np.cumsum(masses(code_map, table))
+    reached = np.cumsum(masses.of_code)
     code = np.searchsorted(reached, which[0] * (_WORD * reached[-1]), side="right")
     nth = (which[1] * (_WORD * code_map.sizes[code])).astype(np.int64)
     cells = code_map.cells[code_map.starts[code] + nth]
     x, y = code_map.free_space.within(cells, place[0], place[1])
     turns = (which[2] * _WORD).astype(np.float32) - _HALF
     return Particles(x, y, turns, np.zeros(len(x), np.int32))
-
-
-def uniform_evidence(code_map: CodeMap, table: NDArray[np.int32]) -> float:
-    """Return the binary logarithm of the mean likelihood over all free space.
-
-    Parameters
-    ----------
-    code_map : CodeMap
-        The cells.
-    table : ndarray, shape (n_codes,), int32
-        Log-likelihood of each code.
-
-    Returns
-    -------
-    float
-        At most 0.
-    """
-    best = int(table[1:].max())
-    mean = masses(code_map, table).sum() / len(code_map.cells)
-    return best / UNITS_PER_BIT + bits(mean)
-
-
-def masses(code_map: CodeMap, table: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Return the likelihood of all cells of each code, 2**20 for one that explains best.
-
-    Parameters
-    ----------
-    code_map : CodeMap
-        The cells.
-    table : ndarray, shape (n_codes,), int32
-        Log-likelihood of each code.
-
-    Returns
-    -------
-    ndarray, shape (n_codes,), float64
-        Whole numbers.
-    """
-    best = table[1:].max()
-    likelihood = linear(np.minimum(table - best, 0)).astype(np.float64)
-    return likelihood * code_map.sizes.astype(np.float64)
-
-
-def _two_to(bits: float) -> float:
-    bounded = min(max(bits, -1000.0), 1000.0)
-    return float(exp(np.array([bounded * _LN_2]))[0])

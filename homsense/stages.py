@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from homsense.exact import cosine, sine, standard_normals, wrap_turns
+from homsense.exact import ONE, cosine, sine, standard_normals, wrap_turns
 from homsense.free_space import Walls
 from homsense.grid import Raster
 from homsense.particles import Particles, joined
@@ -20,8 +20,10 @@ Integers = NDArray[np.int32]
 IntArray = NDArray[np.intp]
 Singles = NDArray[np.float32]
 Weights = NDArray[np.uint32]
+Codes = NDArray[np.uint16]
 
 BLOCK = 8192
+NOTHING = np.float32(0.0)
 
 
 class Move(NamedTuple):
@@ -102,8 +104,8 @@ def _noisy(
     )
 
 
-def cells_at(raster: Raster, x_m: Singles, y_m: Singles) -> IntArray:
-    """Return the flat index of the cell of each place; the index behind the last one outside.
+def cells_at(raster: Raster, x_m: Singles, y_m: Singles) -> Integers:
+    """Return the flat index of the cell of each place.
 
     Parameters
     ----------
@@ -114,15 +116,34 @@ def cells_at(raster: Raster, x_m: Singles, y_m: Singles) -> IntArray:
 
     Returns
     -------
-    ndarray, shape (N,), intp
-        In [0, rows * columns].
+    ndarray, shape (N,), int32
+        In [0, rows * columns).
     """
-    column = np.floor((x_m - raster.west_m) * raster.cells_per_m)
-    row = np.floor((y_m - raster.south_m) * raster.cells_per_m)
-    inside = (column >= 0) & (column < raster.columns) & (row >= 0) & (row < raster.rows)
-    flat = np.where(inside, row, 0).astype(np.intp) * raster.columns
-    flat += np.where(inside, column, 0).astype(np.intp)
-    return np.where(inside, flat, raster.columns * raster.rows)
+    column, row = (x_m - raster.west_m) * raster.cells_per_m, (y_m - raster.south_m)
+    row = row * raster.cells_per_m
+    column = np.minimum(np.maximum(column, NOTHING), np.float32(raster.columns - 1))
+    row = np.minimum(np.maximum(row, NOTHING), np.float32(raster.rows - 1))
+    cells: Integers = row.astype(np.int32) * np.int32(raster.columns) + column.astype(np.int32)
+    return cells
+
+
+def clearances_m(walls: Walls, x_m: Singles, y_m: Singles) -> Singles:
+    """Return how far one can go from each place.
+
+    Parameters
+    ----------
+    walls : Walls
+        What stops.
+    x_m, y_m : ndarray, shape (N,), float32
+        Places.
+
+    Returns
+    -------
+    ndarray, shape (N,), float32
+        Metres; negative where the place is not free.
+    """
+    halves = walls.clearance[cells_at(walls.raster, x_m, y_m)].astype(np.float32) - ONE
+    return halves * walls.half_cell_m
 
 
 def blocked(
@@ -130,8 +151,9 @@ def blocked(
 ) -> NDArray[np.bool_]:
     """Tell which straight moves meet a cell that is not free.
 
-    The way is looked at in strides as long as the clearance of the place reached, or half a cell;
-    so no more than a corner can be cut.
+    A way no longer than the clearances of its ends together is free. Any other is looked at in
+    strides as long as the clearance of the place reached, or half a cell; so no more than a corner
+    can be cut.
 
     Parameters
     ----------
@@ -147,21 +169,19 @@ def blocked(
     """
     right, up = to_x_m - x_m, to_y_m - y_m
     square = right * right + up * up
-    clearance = walls.clearance_m[cells_at(walls.raster, x_m, y_m)]
-    near = np.flatnonzero((clearance < 0) | (square > clearance * clearance))
-    stopped = np.zeros(len(x_m), np.bool_)
-    stopped[near] = walls.clearance_m[cells_at(walls.raster, to_x_m[near], to_y_m[near])] < 0
-    near = near[~stopped[near]]
+    before, after = clearances_m(walls, x_m, y_m), clearances_m(walls, to_x_m, to_y_m)
+    reach = before + after
+    stopped = after < 0
+    near = np.flatnonzero(~stopped & ((before < 0) | (square > reach * reach)))
     length = np.sqrt(square[near])
-    gone = np.maximum(clearance[near], walls.half_cell_m)
+    gone = np.maximum(before[near], walls.half_cell_m)
     while True:
         on_the_way = np.flatnonzero(gone < length)
         if not len(on_the_way):
             return stopped
         near, length, gone = near[on_the_way], length[on_the_way], gone[on_the_way]
         part = gone / length
-        x, y = x_m[near] + right[near] * part, y_m[near] + up[near] * part
-        ahead = walls.clearance_m[cells_at(walls.raster, x, y)]
+        ahead = clearances_m(walls, x_m[near] + right[near] * part, y_m[near] + up[near] * part)
         stopped[near] = ahead < 0
         gone = np.where(ahead < 0, length, gone + np.maximum(ahead, walls.half_cell_m))
 
@@ -185,7 +205,7 @@ class Reweighed(NamedTuple):
     after: int
 
 
-def reweigh(particles: Particles, raster: Raster, codes: Integers, table: Integers) -> Reweighed:
+def reweigh(particles: Particles, raster: Raster, codes: Codes, table: Integers) -> Reweighed:
     """Multiply each weight by the likelihood of the measurement at its place.
 
     Parameters
@@ -194,7 +214,7 @@ def reweigh(particles: Particles, raster: Raster, codes: Integers, table: Intege
         Before.
     raster : Raster
         The cells.
-    codes : ndarray, shape (rows * columns + 1,), int32
+    codes : ndarray, shape (rows * columns,), uint16
         Code of each cell.
     table : ndarray, shape (n_codes,), int32
         Log-likelihood of each code.

@@ -3,10 +3,8 @@
 import math
 from typing import NamedTuple, Self
 
-import numpy as np
-
-from homsense.exact import cosine, sine
 from homsense.pose import Delta
+from homsense.scalar import cosine, sine
 
 _TURN = 2.0 * math.pi
 
@@ -50,8 +48,7 @@ class Travel(NamedTuple):
         >>> round(there.onward(Delta(3.0)).length_m, 5)
         0.0
         """
-        heading = np.array(self.turns, np.float32)
-        right, up = float(cosine(heading)), float(sine(heading))
+        right, up = cosine(self.turns), sine(self.turns)
         return type(self)(
             self.forward_m + right * delta.forward_m - up * delta.left_m,
             self.left_m + up * delta.forward_m + right * delta.left_m,

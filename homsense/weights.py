@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from homsense.exact import exp, log2
+from homsense.exact import exp
+from homsense.scalar import log2
 
 Integers = NDArray[np.int32]
 Weights = NDArray[np.uint32]
@@ -119,4 +120,4 @@ def bits(total: float) -> float:
     float
         0 for the weight of one best particle.
     """
-    return float(log2(np.array([total / FULL]))[0])
+    return log2(total / FULL)

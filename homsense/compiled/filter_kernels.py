@@ -20,6 +20,7 @@ FloatArray = NDArray[np.float64]
 Integers = NDArray[np.int32]
 IntArray = NDArray[np.int64]
 Weights = NDArray[np.uint32]
+Codes = NDArray[np.uint16]
 
 
 def random_words(seed: int, tick: int, purpose: int, count: int) -> Weights:
@@ -65,7 +66,7 @@ def propagate(particles: Particles, move: Move, walls: Walls, seed: int, tick: i
     return Particles(*_propagate(particles, *move, walls, np.uint64(seed), np.uint64(tick)))
 
 
-def reweigh(particles: Particles, raster: Raster, codes: Integers, table: Integers) -> Reweighed:
+def reweigh(particles: Particles, raster: Raster, codes: Codes, table: Integers) -> Reweighed:
     """Multiply each weight by the likelihood of the measurement at its place.
 
     Parameters
@@ -74,7 +75,7 @@ def reweigh(particles: Particles, raster: Raster, codes: Integers, table: Intege
         Before.
     raster : Raster
         The cells.
-    codes : ndarray, shape (rows * columns + 1,), int32
+    codes : ndarray, shape (rows * columns,), uint16
         Code of each cell.
     table : ndarray, shape (n_codes,), int32
         Log-likelihood of each code.

@@ -160,7 +160,7 @@ def test_adding_a_constant_to_log_weights_changes_nothing(
     log_weight: np.ndarray, constant: int
 ) -> None:
     particles = _somewhere(1, len(log_weight))._replace(log_weight=log_weight)
-    codes, table = np.zeros(FREE.free.size, np.int32), np.array([constant], np.int32)
+    codes, table = np.zeros(FREE.walls.clearance.size, np.uint16), np.array([constant], np.int32)
     for backend in BACKENDS:
         found = backend.reweigh(particles, FREE.grid.raster, codes, table)
         assert np.array_equal(found.particles.log_weight, log_weight)

@@ -31,10 +31,11 @@ from homsense import (
     SiteMap,
     UniformPrior,
 )
-from homsense.likelihood import code_likelihood
+from homsense.likelihood import CodeLikelihood
 from homsense.motion import measured_move
 from homsense.philox import random_words
 from homsense.resample import SCHEMES
+from homsense.stages import cells_at
 
 STREET = SiteMap.from_geojson(
     local_map(
@@ -78,12 +79,13 @@ def test_the_posterior_is_prior_times_likelihood() -> None:
     noise = CountNoise(sigma=1.0, floor=0.02)
     exact = _localizer(particles=60_000, noise=noise, resample_below=0.0, recovery=None)
     state, pose = exact.step(exact.start(seed=1), Delta(), [2, 2])
-    cells = FREE.grid.centers()[FREE.free[:-1]]
-    of_code = np.exp2(code_likelihood(exact.code_map, [2, 2], noise))
-    likelihood = of_code[exact.code_map.codes[:-1][FREE.free[:-1]]]
+    centers = FREE.grid.centers()[FREE.free[:-1]]
+    of_code = np.exp2(CodeLikelihood(exact.code_map, noise)([2, 2]))
+    cells = cells_at(FREE.grid.raster, *centers.T.astype(np.float32))
+    likelihood = of_code[exact.code_map.codes[cells]]
     likelihood /= likelihood.sum()
     edges = [np.linspace(-20.0, 220.0, 9)] * 2
-    due, _ = np.histogramdd(cells, bins=edges, weights=likelihood)
+    due, _ = np.histogramdd(centers, bins=edges, weights=likelihood)
     found, _ = np.histogramdd(pose.poses[:, :2], bins=edges, weights=pose.weights)
     assert 0.5 * np.abs(due - found).sum() < 0.02
     assert state.tick == 1

@@ -1,0 +1,211 @@
+"""One step of the filter: ours against `particles` and `pfilter`, CPU time, same run.
+
+Everyone gets the same town, start, motions and counts, and the same look-up likelihood, and
+resamples systematically at every step. Ours also stops particles at walls and keeps a standing
+relocation hypothesis; the peers take no such care. Rounds are interleaved; figures are medians
+over rounds of the median step.
+"""
+
+import json
+import subprocess
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from statistics import median
+from typing import NamedTuple
+
+import numpy as np
+
+from homsense import (
+    CountNoise,
+    Delta,
+    FreeSpace,
+    GaussianPrior,
+    HeadingPrior,
+    HeightMap,
+    Localizer,
+    LocalizerConfig,
+    SiteMap,
+    UniformPrior,
+)
+from homsense.backend import NUMPY, compiled
+
+SEED, ROUNDS, STEPS, WARM_STEPS = 1, 7, 25, 5
+SIZES = (1000, 8000, 50_000)
+PEERS = Path(".venv-peers", "bin", "python")
+DELTA = Delta(5.0, 0.0, 0.02, std=(0.8, 0.8, 0.05))
+NOISE = CountNoise(sigma=3.0, floor=0.02, correlation_m=5.0)
+
+
+class Town(NamedTuple):
+    """A map of 44 buildings with its height maps."""
+
+    site_map: SiteMap
+    heights: list[HeightMap]
+    free_space: FreeSpace
+
+
+def town() -> Town:
+    """Return the town: 640 m square, blocks of 45 m at a pitch of 90 m, five of them missing."""
+    missing = {(0, 0), (3, 3), (6, 1), (2, 5), (5, 6)}
+    places = [(i, j) for i in range(7) for j in range(7) if (i, j) not in missing]
+    document = {
+        "type": "FeatureCollection",
+        "frame": "local",
+        "features": [
+            *(_feature(10 + 90 * i, 10 + 90 * j, 45, {}) for i, j in places),
+            _feature(0, 0, 640, {"role": "domain"}),
+        ],
+    }
+    site_map = SiteMap.from_geojson(document)
+    heights = [HeightMap.geometric(site_map, r, cell_m=1.0) for r in (120.0, 180.0)]
+    return Town(site_map, heights, FreeSpace.of(site_map, 1.0))
+
+
+def _feature(x: float, y: float, side: float, properties: dict[str, str]) -> dict[str, object]:
+    ring = [[x, y], [x + side, y], [x + side, y + side], [x, y + side], [x, y]]
+    geometry = {"type": "Polygon", "coordinates": [ring]}
+    return {"type": "Feature", "geometry": geometry, "properties": properties}
+
+
+def table() -> list[str]:
+    """Return the table of steps."""
+    here = town()
+    backends = [backend for backend in (compiled(), NUMPY) if backend is not None]
+    rows = [
+        (
+            f"Seed {SEED}, a town of {len(here.site_map.structures)} buildings on 640 m, cells of "
+            f"1 m, {ROUNDS} interleaved rounds of {STEPS} steps, systematic resampling at every "
+            "step; CPU microseconds a step, and how many times ours (numba) goes into it."
+        ),
+        "",
+        "| particles | ours, numba | ours, numpy | `particles` | `pfilter` | numpy to `particles` |",
+        "|---|---|---|---|---|---|",
+    ]
+    with _peers(here) as ask:
+        for size in SIZES:
+            rounds: list[dict[str, float]] = []
+            for _ in range(ROUNDS):
+                found = ask(size)
+                found |= {b.name: _step_s(here, b, size) for b in backends}
+                rounds.append(found)
+            us = {name: 1e6 * median(one[name] for one in rounds) for name in rounds[0]}
+            fast = us["numba"]
+            rows.append(
+                f"| {size} | {fast:.0f} ({1e3 * fast / size:.1f} ns a particle) "
+                f"| {us['numpy']:.0f} = {us['numpy'] / fast:.1f} x "
+                f"| {us['particles']:.0f} = **{us['particles'] / fast:.1f} x** "
+                f"| {us['pfilter']:.0f} = **{us['pfilter'] / fast:.1f} x** "
+                f"| **{us['particles'] / us['numpy']:.1f} x** |"
+            )
+    return [*rows, "", *summary_table(here)]
+
+
+def _localizer(here: Town, backend: object, size: int, *, known: bool) -> Localizer:
+    known_prior = GaussianPrior(70.0, 300.0, 4.0, HeadingPrior(0.0, 0.1))
+    config = LocalizerConfig(
+        particles=size,
+        noise=NOISE,
+        resample_below=1.0,
+        prior=known_prior if known else UniformPrior(),
+    )
+    return Localizer(
+        here.site_map,
+        here.heights,
+        config,
+        free_space=here.free_space,
+        backend=backend,  # type: ignore[arg-type]
+    )
+
+
+def counts() -> list[tuple[int, int]]:
+    """Return the counts that everybody gets."""
+    drawn = np.random.Generator(np.random.Philox(key=SEED)).integers(0, (4, 9), (STEPS * 2, 2))
+    return [(int(near), int(far)) for near, far in drawn]
+
+
+def _step_s(here: Town, backend: object, size: int) -> float:
+    localizer = _localizer(here, backend, size, known=False)
+    state, spent = localizer.start(SEED), []
+    for measured in counts()[: WARM_STEPS + STEPS]:
+        started = time.thread_time()
+        state, _ = localizer.step(state, DELTA, measured)
+        spent.append(time.thread_time() - started)
+    return median(spent[WARM_STEPS:])
+
+
+def summary_table(here: Town) -> list[str]:
+    """Return what it costs to say where the device is."""
+    rows = [
+        "Saying where the device is, 8000 particles: modes with covariance, regions 50/90/95 %.",
+        "",
+        "| posterior | backend | step, us | modes and regions, us | both, to the step |",
+        "|---|---|---|---|---|",
+    ]
+    for known in (True, False):
+        for backend in (compiled(), NUMPY):
+            localizer = _localizer(here, backend, 8000, known=known)
+            steps, said = [], []
+            state = localizer.start(SEED)
+            for tick in range(WARM_STEPS + STEPS):
+                started = time.thread_time()
+                state, pose = localizer.step(state, Delta(0.6, 0.0, 0.0), (0, 3))
+                stepped = time.thread_time()
+                _ = pose.modes, [pose.region_area_m2(level) for level in (0.5, 0.9, 0.95)]
+                steps.append(stepped - started)
+                said.append(time.thread_time() - stepped)
+                assert tick >= 0
+            step, say = 1e6 * median(steps[WARM_STEPS:]), 1e6 * median(said[WARM_STEPS:])
+            rows.append(
+                f"| {'converged' if known else 'diffuse'} | {localizer.backend.name} | {step:.0f} "
+                f"| {say:.0f} | **{(step + say) / step:.1f}** |"
+            )
+            if known and backend is not NUMPY:
+                per_core = 1.0 / (10.0 * 1e-6 * step)
+    rows += ["", f"Sessions a core at 10 Hz, engine only: **{per_core:.0f}**."]
+    return rows
+
+
+@contextmanager
+def _peers(here: Town) -> Iterator[object]:
+    grid = here.free_space.grid
+    free = here.free_space.free[:-1].reshape(grid.shape)
+    near, far = (np.where(free, height.values, -100.0) for height in here.heights)
+    localizer = _localizer(here, NUMPY, max(SIZES), known=False)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "town.npz")
+        np.savez(
+            path,
+            near=near,
+            far=far,
+            west=grid.west_m,
+            south=grid.south_m,
+            cell=grid.cell_m,
+            start=localizer.start(SEED).poses,
+            counts=np.array(counts(), float),
+            delta=np.array(DELTA[:3]),
+            std=np.array(DELTA.std),
+            sigma=NOISE.sigma,
+        )
+        command = [PEERS, "benchmarks/filter_peers.py", path]
+        with subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        ) as process:
+            assert process.stdin
+            assert process.stdout
+            ask_in, ask_out = process.stdin, process.stdout
+
+            def ask(size: int) -> dict[str, float]:
+                ask_in.write(f"{size}\n")
+                ask_in.flush()
+                found: dict[str, float] = json.loads(ask_out.readline())
+                return found
+
+            yield ask
+            ask_in.close()
+
+
+if __name__ == "__main__":
+    print("\n".join(table()))
