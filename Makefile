@@ -41,7 +41,12 @@ proof: $(READY) ## slow proof: exactness against GUDHI, the demo over ten seeds
 	$(BIN)/python benchmarks/exactness.py
 	$(BIN)/python benchmarks/demo_seeds.py
 
-bench: $(READY) ## compare with peers in the same run; writes docs/performance.md
+.venv-peers/.ready: $(READY) requirements-peers.lock
+	$(PYTHON) -m venv .venv-peers
+	$(BIN)/uv pip sync --quiet --python .venv-peers/bin/python --require-hashes requirements-peers.lock
+	@touch $@
+
+bench: $(READY) .venv-peers/.ready ## compare with peers in the same run; writes docs/performance.md
 	$(BIN)/python benchmarks/performance.py
 
 format: $(READY) ## format and mend what can be mended
@@ -58,6 +63,9 @@ lock: $(READY) ## resolve the dependencies again
 	$(BIN)/uv pip compile --group boot --universal \
 	  --generate-hashes --no-emit-index-url --no-emit-find-links --no-header --no-annotate \
 	  --quiet --upgrade -o requirements-boot.lock
+	$(BIN)/uv pip compile --group peers --universal \
+	  --generate-hashes --no-emit-index-url --no-emit-find-links --no-header --no-annotate \
+	  --quiet --upgrade -o requirements-peers.lock
 
 clean: ## remove what the other commands made
-	rm -rf .venv demo build dist .coverage .coverage.* .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf .venv .venv-peers demo build dist .coverage .coverage.* .mypy_cache .ruff_cache .pytest_cache .hypothesis

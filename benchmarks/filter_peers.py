@@ -7,19 +7,23 @@ step. Reads the town from the file that is named, writes CPU seconds a step to s
 import json
 import sys
 import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import particles
+from numpy.typing import NDArray
 from pfilter import ParticleFilter, systematic_resample
 
-Town = dict[str, Any]
+Array = NDArray[Any]
+Town = dict[str, Array]
+RNG = np.random.Generator(np.random.Philox(key=1))
 WARM_STEPS, STEPS = 5, 25
 
 
-def moved(town: Town, poses: Any) -> Any:
+def moved(town: Town, poses: Array) -> Array:
     """Return poses moved by the town's motion with its noise."""
-    noise = np.random.standard_normal(poses.shape) * town["std"]
+    noise = RNG.standard_normal(poses.shape) * town["std"]
     forward, left, turn = (town["delta"] + noise).T
     cosine, sine = np.cos(poses[:, 2]), np.sin(poses[:, 2])
     return np.stack(
@@ -32,7 +36,7 @@ def moved(town: Town, poses: Any) -> Any:
     )
 
 
-def expected(town: Town, poses: Any) -> Any:
+def expected(town: Town, poses: Array) -> Array:
     """Return the counts that poses expect, near and far; a blocked cell expects -100."""
     column = np.floor((poses[:, 0] - town["west"]) / town["cell"]).astype(int)
     row = np.floor((poses[:, 1] - town["south"]) / town["cell"]).astype(int)
@@ -42,10 +46,11 @@ def expected(town: Town, poses: Any) -> Any:
     return np.stack([np.where(inside, town[level][at], -100.0) for level in ("near", "far")], 1)
 
 
-def log_likelihood(town: Town, counts: Any, measured: Any) -> Any:
+def log_likelihood(town: Town, counts: Array, measured: Array) -> Array:
     """Return the sum of the logarithms of two floored Gaussians."""
     apart = (counts - measured) / town["sigma"]
-    return np.log(0.02 + 0.98 * np.exp(-0.5 * apart**2)).sum(axis=1)
+    total: Array = np.log(0.02 + 0.98 * np.exp(-0.5 * apart**2)).sum(axis=1)
+    return total
 
 
 class Walk(particles.FeynmanKac):  # type: ignore[misc]
@@ -55,15 +60,15 @@ class Walk(particles.FeynmanKac):  # type: ignore[misc]
         super().__init__(WARM_STEPS + STEPS + 1)
         self.town = town
 
-    def M0(self, N: int) -> Any:  # noqa: N802, N803 - their names
+    def M0(self, N: int) -> Array:  # noqa: N802, N803 - their names
         """Draw the start."""
         return self.town["start"][:N].copy()
 
-    def M(self, t: int, xp: Any) -> Any:  # noqa: N802
+    def M(self, t: int, xp: Array) -> Array:  # noqa: ARG002, N802
         """Draw a motion."""
         return moved(self.town, xp)
 
-    def logG(self, t: int, xp: Any, x: Any) -> Any:  # noqa: N802
+    def logG(self, t: int, xp: Array, x: Array) -> Array:  # noqa: ARG002, N802
         """Weigh."""
         return log_likelihood(self.town, expected(self.town, x), self.town["counts"][t])
 
@@ -89,7 +94,7 @@ def bootstrap(town: Town, count: int) -> float:
     return median_of(lambda: run.update(next(measured)))
 
 
-def median_of(step: Any) -> float:
+def median_of(step: Callable[[], object]) -> float:
     """Return the median CPU seconds of the steps after the first ones."""
     spent = []
     for _ in range(WARM_STEPS + STEPS):

@@ -10,7 +10,7 @@ import json
 import subprocess
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from statistics import median
@@ -30,7 +30,7 @@ from homsense import (
     SiteMap,
     UniformPrior,
 )
-from homsense.backend import NUMPY, compiled
+from homsense.backend import NUMPY, Backend, compiled
 
 SEED, ROUNDS, STEPS, WARM_STEPS = 1, 7, 25, 5
 SIZES = (1000, 8000, 50_000)
@@ -81,7 +81,7 @@ def table() -> list[str]:
             "step; CPU microseconds a step, and how many times ours (numba) goes into it."
         ),
         "",
-        "| particles | ours, numba | ours, numpy | `particles` | `pfilter` | numpy to `particles` |",
+        "| size | ours, numba | ours, numpy | `particles` | `pfilter` | numpy to `particles` |",
         "|---|---|---|---|---|---|",
     ]
     with _peers(here) as ask:
@@ -103,7 +103,7 @@ def table() -> list[str]:
     return [*rows, "", *summary_table(here)]
 
 
-def _localizer(here: Town, backend: object, size: int, *, known: bool) -> Localizer:
+def _localizer(here: Town, backend: Backend | None, size: int, *, known: bool) -> Localizer:
     known_prior = GaussianPrior(70.0, 300.0, 4.0, HeadingPrior(0.0, 0.1))
     config = LocalizerConfig(
         particles=size,
@@ -116,7 +116,7 @@ def _localizer(here: Town, backend: object, size: int, *, known: bool) -> Locali
         here.heights,
         config,
         free_space=here.free_space,
-        backend=backend,  # type: ignore[arg-type]
+        backend=backend,
     )
 
 
@@ -126,7 +126,7 @@ def counts() -> list[tuple[int, int]]:
     return [(int(near), int(far)) for near, far in drawn]
 
 
-def _step_s(here: Town, backend: object, size: int) -> float:
+def _step_s(here: Town, backend: Backend | None, size: int) -> float:
     localizer = _localizer(here, backend, size, known=False)
     state, spent = localizer.start(SEED), []
     for measured in counts()[: WARM_STEPS + STEPS]:
@@ -149,14 +149,13 @@ def summary_table(here: Town) -> list[str]:
             localizer = _localizer(here, backend, 8000, known=known)
             steps, said = [], []
             state = localizer.start(SEED)
-            for tick in range(WARM_STEPS + STEPS):
+            for _ in range(WARM_STEPS + STEPS):
                 started = time.thread_time()
                 state, pose = localizer.step(state, Delta(0.6, 0.0, 0.0), (0, 3))
                 stepped = time.thread_time()
-                _ = pose.modes, [pose.region_area_m2(level) for level in (0.5, 0.9, 0.95)]
+                assert pose.modes, [pose.region_area_m2(level) for level in (0.5, 0.9, 0.95)]
                 steps.append(stepped - started)
                 said.append(time.thread_time() - stepped)
-                assert tick >= 0
             step, say = 1e6 * median(steps[WARM_STEPS:]), 1e6 * median(said[WARM_STEPS:])
             rows.append(
                 f"| {'converged' if known else 'diffuse'} | {localizer.backend.name} | {step:.0f} "
@@ -169,7 +168,7 @@ def summary_table(here: Town) -> list[str]:
 
 
 @contextmanager
-def _peers(here: Town) -> Iterator[object]:
+def _peers(here: Town) -> Iterator[Callable[[int], dict[str, float]]]:
     grid = here.free_space.grid
     free = here.free_space.free[:-1].reshape(grid.shape)
     near, far = (np.where(free, height.values, -100.0) for height in here.heights)
@@ -189,7 +188,7 @@ def _peers(here: Town) -> Iterator[object]:
             std=np.array(DELTA.std),
             sigma=NOISE.sigma,
         )
-        command = [PEERS, "benchmarks/filter_peers.py", path]
+        command = [str(PEERS), "benchmarks/filter_peers.py", str(path)]
         with subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
         ) as process:

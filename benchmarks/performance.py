@@ -8,6 +8,7 @@ from platform import python_version
 
 import dense
 import exactness
+import filters
 import growth
 import mall
 import neighborhoods
@@ -20,6 +21,7 @@ SECTIONS: Sequence[tuple[str, str, Callable[[], list[str]]]] = (
     ("density", "Memory by density", growth.density_table),
     ("dense", "Scans of 400 landmarks", dense.table),
     ("mall", "Real mall floors", mall.table),
+    ("filters", "The filter beside its peers", filters.table),
 )
 HEAD = """# Performance
 

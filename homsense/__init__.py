@@ -22,12 +22,14 @@ from homsense.estimate import PoseDistribution
 from homsense.free_space import FreeSpace
 from homsense.grid import Grid
 from homsense.height import HeightMap
+from homsense.imu import ImuNoise, ImuSample, Velocity, preintegrate
 from homsense.likelihood import CountNoise
 from homsense.localizer import Localizer, LocalizerState
 from homsense.modes import Mode
 from homsense.motion import ImuMotion, MotionModel, OdometryMotion
 from homsense.nerve import landmark_complex, observation_complex
 from homsense.particles import Particles
+from homsense.pedestrian import walked
 from homsense.pose import Delta
 from homsense.prior import GaussianPrior, HeadingPrior, PolygonPrior, Prior, UniformPrior
 from homsense.quarantine import Displaced, displaced
@@ -62,6 +64,8 @@ __all__ = [
     "HeightMap",
     "HomsenseError",
     "ImuMotion",
+    "ImuNoise",
+    "ImuSample",
     "InvalidComplexError",
     "InvalidConfigurationError",
     "InvalidInputError",
@@ -86,6 +90,7 @@ __all__ = [
     "Relocation",
     "SiteMap",
     "UniformPrior",
+    "Velocity",
     "VisibilityRelation",
     "WitnessFiltration",
     "WitnessPoint",
@@ -95,10 +100,12 @@ __all__ = [
     "landmark_complex",
     "median_witnesses",
     "observation_complex",
+    "preintegrate",
     "range_curve",
     "sense_local_homology",
     "sense_within",
     "suggested_quorum",
     "visible_landmarks",
+    "walked",
     "witness_curve",
 ]

@@ -151,9 +151,15 @@ class Session:
         landmarks: protocol.Landmarks | None = None,
         *,
         t: float | None = None,
+        **motion: protocol.Json,
     ) -> models.Pose:
-        """Report motion since the last step and, if there is one, a scan; return the pose."""
-        step: dict[str, Any] = {"seq": self._seq + 1, "delta": dict(delta or {}), "t": t}
+        """Report motion since the last step and, if there is one, a scan; return the pose.
+
+        In place of `delta` the motion may be ``imu=[...]`` or ``walked={...}``.
+        """
+        step: dict[str, Any] = {"seq": self._seq + 1, "t": t, **motion}
+        if delta is not None:
+            step["delta"] = dict(delta)
         if landmarks is not None:
             step["landmarks"] = list(landmarks)
         pose = self._client.send(protocol.post_steps(self.info.id, [step]))
@@ -171,6 +177,11 @@ class Session:
     def distribution(self, form: str = "geojson") -> dict[str, Any]:
         """Read the distribution as ``geojson`` or ``grid``."""
         return self._client.send(protocol.get_distribution(self.info.id, form))
+
+    def move_to_current_map(self) -> models.SessionInfo:
+        """Go on with the current map of the site."""
+        self.info = self._client.send(protocol.move_session(self.info.id))
+        return self.info
 
     def close(self) -> None:
         """Close the session at the service."""

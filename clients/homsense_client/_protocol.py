@@ -155,6 +155,11 @@ def post_steps(session: str, steps: Iterable[Mapping[str, Any]]) -> Call[models.
     return Call("POST", _session(session, "/steps"), models.Pose.from_json, body)
 
 
+def move_session(session: str) -> Call[models.SessionInfo]:
+    """Go on with the current map of the site; doing it again changes nothing."""
+    return Call("POST", _session(session, "/map"), models.SessionInfo.from_json)
+
+
 def get_pose(session: str) -> Call[models.Pose]:
     """Read the pose."""
     return Call("GET", _session(session, "/pose"), models.Pose.from_json)

@@ -11,6 +11,7 @@ from homsense_service.records import StoredScan
 from homsense_service.sessions import Fix, Session, SessionTable, Step
 from homsense_service.settings import Settings
 from homsense_service.sites import Site, SiteRegistry
+from homsense_service.versions import MapVersion
 
 Answer = TypeVar("Answer")
 
@@ -104,14 +105,17 @@ class Operations:
         hops = tuple(request.sensor.hops or site.config.hops)
         config = request.to_localizer_config(self._settings.cell_m)
         heights = site.heights(hops)
-        localizer = homsense.Localizer(
-            version.site_map,
-            heights,
-            config,
-            free_space=version.free_space,
-            code_map=site.code_map(version, heights),
-        )
+        localizer = _localizer(site, version, heights, config)
         return self.sessions.open(site, version, localizer, hops, request.seed)
+
+    def move_session(self, name: str) -> Session:
+        """Let a session go on with the current map of its site."""
+        session = self.sessions.get(name)
+        version = session.site.require_map()
+        heights = session.site.heights(session.hops)
+        config = session.localizer.config
+        session.migrate(version, _localizer(session.site, version, heights, config))
+        return session
 
     def take_steps(
         self,
@@ -130,8 +134,23 @@ class Operations:
         return scan.to_stored(self._settings.max_landmarks_per_scan)
 
 
+def _localizer(
+    site: Site,
+    version: MapVersion,
+    heights: list[homsense.HeightMap],
+    config: homsense.LocalizerConfig,
+) -> homsense.Localizer:
+    return homsense.Localizer(
+        version.site_map,
+        heights,
+        config,
+        free_space=version.free_space,
+        code_map=site.code_map(version, heights),
+    )
+
+
 def _step(session: Session, wire: schemas.StepIn) -> Step:
     visible = None
     if wire.landmarks is not None:
         visible = session.site.visible(schemas.readings(wire.landmarks))
-    return Step(wire.seq, wire.seconds(), wire.delta.to_delta(), visible)
+    return Step(wire.seq, wire.seconds(), wire.motion(), visible)

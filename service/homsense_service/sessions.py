@@ -4,12 +4,13 @@ import secrets
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import homsense
 from homsense.backend import Backend, fastest
 from homsense_service.errors import CapacityError, SequenceConflictError, SessionNotFoundError
+from homsense_service.own_motion import Motion, OwnMotion
 from homsense_service.sites import Site
 from homsense_service.versions import MapVersion
 
@@ -53,15 +54,15 @@ class Step:
         Number of the step, rising, from 1.
     t : float, optional
         Time, seconds.
-    delta : homsense.Delta
-        Motion since the step before.
+    motion : Motion
+        Since the step before.
     visible : frozenset of str, optional
         Landmarks in view.
     """
 
     seq: int
     t: float | None
-    delta: homsense.Delta
+    motion: Motion
     visible: frozenset[str] | None
 
 
@@ -107,6 +108,7 @@ class Session:
         self._lock = threading.Lock()
         self._state = localizer.start(seed)
         self._fix = Fix(0, None, localizer.estimate(self._state), None, self._state)
+        self._own_motion = OwnMotion()
         self._applied: OrderedDict[int, Step] = OrderedDict()
         self._answers: OrderedDict[int, Any] = OrderedDict()
 
@@ -151,6 +153,16 @@ class Session:
             _forget_oldest(self._answers)
             return given
 
+    def migrate(self, version: MapVersion, localizer: homsense.Localizer) -> None:
+        """Go on with another map: particles stay, those that it has no room for lose weight."""
+        with self._lock:
+            if version.digest == self.map_version.digest:
+                return
+            self.map_version, self.localizer = version, localizer
+            self._state = localizer.migrate(self._state)
+            self._fix = replace(self._fix, pose=localizer.estimate(self._state), state=self._state)
+            self._answers.clear()
+
     def _check(self, ordered: list[Step]) -> None:
         pending: dict[int, Step] = {}
         for step in ordered:
@@ -171,7 +183,7 @@ class Session:
         holes = None
         if levels is not None and levels[0].n_landmarks:
             holes = tuple(level.holes for level in levels)
-        delta = step.delta._replace(dt_s=duration)
+        delta, self._own_motion = self._own_motion.onward(step.motion, duration)
         self.localizer = self.localizer.run_by(self._backend())
         self._state, pose = self.localizer.step(self._state, delta, holes)
         self._fix = Fix(step.seq, step.t, pose, holes, self._state)

@@ -366,6 +366,12 @@ def test_equal_seeds_and_inputs_give_equal_poses(api: TestClient, site: str) -> 
         ({"sensor": {"type": "registered"}}, "sensor.type"),
         ({"motion": {"type": "imu", "sigma_linear": -1}}, "motion"),
         ({"speed": 3}, "speed"),
+        ({"scheme": "best"}, "scheme"),
+        ({"recovery": {"type": "relocation", "probability": 1}}, "recovery"),
+        ({"recovery": {"type": "amcl", "recovery_alpha_slow": 0.5}}, "recovery.alpha_slow"),
+        ({"adaptive": {"least": 9, "most": 3}}, "adaptive.least"),
+        ({"adaptive": {"quantile": 2.3}}, "adaptive.quantile"),
+        ({"weigh_every_m": -1}, "weigh_every_m"),
     ],
 )
 def test_a_session_that_makes_no_sense_is_refused_by_name(
@@ -387,6 +393,11 @@ def test_a_session_that_makes_no_sense_is_refused_by_name(
         ({"seq": 1, "landmarks": "abc"}, "steps.0.landmarks"),
         ({"seq": 1, "landmarks": [""]}, "steps.0.landmarks.0"),
         ({"seq": 1, "t": "noon"}, "steps.0.t"),
+        ({"seq": 1, "imu": []}, "steps.0.imu"),
+        ({"seq": 1, "imu": [{"dt_s": 0, "forward": 0, "left": 0, "turn": 0}]}, "steps.0.imu"),
+        ({"seq": 1, "walked": {"length_m": -1, "heading_rad": 0}}, "steps.0.walked.length_m"),
+        ({"seq": 1, "delta": {}, "walked": {"length_m": 1, "heading_rad": 0}}, "steps.0"),
+        ({"seq": 1, "delta": {"covariance": [-1] + [0] * 8}}, "covariance"),
     ],
 )
 def test_a_bad_step_is_refused_by_name(
@@ -409,6 +420,55 @@ def test_priors_and_motions_of_every_kind_are_taken(api: TestClient, site: str) 
     ):
         session = _open(api, site, prior=prior, motion={"type": "imu"}, sensor={"type": "auto"})
         assert _step(api, session, {"seq": 1, "t": 0.0}, {"seq": 2, "t": 0.5}).status_code == 200
+
+
+def test_recovery_and_adaptive_numbers_of_every_kind_are_taken(api: TestClient, site: str) -> None:
+    for options in (
+        {"recovery": {"type": "none"}},
+        {"recovery": {"type": "amcl"}, "scheme": "residual"},
+        {"adaptive": {"least": 100, "most": 500}, "resample_below": 1.0},
+    ):
+        session = _open(api, site, **options)
+        pose = _step(api, session, {"seq": 1, "landmarks": ["a"]}).json()
+        assert pose["health"]["relocation_p"] < 1.0
+        assert len(pose["digest"]) == 16
+        if "adaptive" in options:
+            assert 100 <= pose["health"]["particles"] <= 500
+
+
+def test_an_imu_and_a_pedestrian_move_as_a_delta_does(api: TestClient, site: str) -> None:
+    prior = {
+        "type": "gaussian", "x_m": 30.0, "y_m": 30.0, "std_m": 0.5,
+        "heading": {"mean_rad": 0.0, "std_rad": 0.001},
+    }  # fmt: skip
+    push = [{"dt_s": 0.5, "forward": 2.0, "left": 0.0, "turn": 0.0}] * 2
+    for steps in (
+        [{"seq": 1, "imu": push}, {"seq": 2, "imu": push}],
+        [
+            {"seq": 1, "walked": {"length_m": 2.0, "heading_rad": 5.0}},
+            {"seq": 2, "walked": {"length_m": 2.0, "heading_rad": 5.0}},
+        ],
+        [{"seq": 1, "delta": {"forward_m": 4.0, "covariance": [0.0] * 9}}],
+    ):
+        session = _open(api, site, prior=prior)
+        best = _step(api, session, *steps).json()["pose"]
+        assert best["x_m"] == pytest.approx(34.0, abs=0.6)
+        assert best["y_m"] == pytest.approx(30.0, abs=0.6)
+
+
+def test_a_session_moves_to_another_map_when_it_is_told_to(api: TestClient, site: str) -> None:
+    session = _open(api, site)
+    before = api.get(f"/v1/sessions/{session}/pose").json()
+    other = local_map(feature(square(0, 0, 20)), feature(square(40, 0, 25)))
+    assert api.put(f"/v1/sites/{site}/map", json=other).status_code == 200
+    stayed = _step(api, session, {"seq": 1}).json()
+    assert stayed["map_version"] == before["map_version"]
+    moved = api.post(f"/v1/sessions/{session}/map").json()
+    assert moved["map_version"] == moved["pose"]["map_version"] != before["map_version"]
+    assert moved["pose"]["tick"] == 1
+    again = api.post(f"/v1/sessions/{session}/map").json()
+    assert again["pose"]["digest"] == moved["pose"]["digest"]
+    assert _step(api, session, {"seq": 2}).json()["map_version"] == moved["map_version"]
 
 
 def test_a_map_on_earth_gives_positions_on_earth(api: TestClient) -> None:

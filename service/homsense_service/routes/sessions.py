@@ -46,6 +46,20 @@ def post_steps(
     return pose
 
 
+@router.post(
+    "/sessions/{session}/map",
+    summary="Move to the current map",
+    responses=problems(404, 409, 422),
+)
+def move_to_current_map(session: SessionParam, operations: OperationsDep) -> schemas.SessionOut:
+    """Let a session go on with the current map of its site.
+
+    A session stays on the map it was opened on until it is moved. Its particles stay where they
+    are; those that the new map has no room for lose their weight.
+    """
+    return rendering.render_session(operations.move_session(session))
+
+
 @router.get("/sessions/{session}/pose", summary="The pose", responses=problems(404, 422))
 def get_pose(session: SessionParam, operations: OperationsDep) -> schemas.PoseOut:
     """Return what is known about the pose."""

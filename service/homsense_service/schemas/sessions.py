@@ -1,14 +1,17 @@
 """Session requests on the wire."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 from shapely.geometry import Polygon
 
 import homsense
+from homsense_service.own_motion import Motion, Walked
 from homsense_service.schemas.wire import HopList, Landmarks, Moment, Wire, unix_seconds
 
 _IMU, _NOISE, _ODOMETRY = homsense.ImuMotion(), homsense.CountNoise(), homsense.OdometryMotion()
+_KLD, _AMCL, _RELOCATION = homsense.KldSampling(), homsense.AugmentedMcl(), homsense.Relocation()
+_DEFAULTS = homsense.LocalizerConfig()
 
 
 class HeadingIn(Wire):
@@ -60,6 +63,12 @@ class OdometryIn(Wire):
     translation_per_rad: float = Field(default=_ODOMETRY.translation_per_rad, ge=0, le=100)
     rotation_per_m: float = Field(default=_ODOMETRY.rotation_per_m, ge=0, le=100)
     rotation_per_rad: float = Field(default=_ODOMETRY.rotation_per_rad, ge=0, le=100)
+    translation_drift: float = Field(
+        default=_ODOMETRY.translation_drift, ge=0, le=100, description="Also at rest, m/sqrt(s)."
+    )
+    rotation_drift: float = Field(
+        default=_ODOMETRY.rotation_drift, ge=0, le=100, description="Also at rest, rad/sqrt(s)."
+    )
 
     def to_model(self) -> homsense.OdometryMotion:
         """Return the value."""
@@ -102,6 +111,63 @@ class SensorIn(Wire):
         return homsense.CountNoise(self.sigma, self.floor, self.correlation_m)
 
 
+class RelocationIn(Wire):
+    """A standing hypothesis that the pose was lost; new particles come from p(x | z)."""
+
+    type: Literal["relocation"]
+    probability: float = Field(
+        default=_RELOCATION.probability,
+        ge=0,
+        lt=1,
+        description="Between two independent measurements.",
+    )
+
+    def to_recovery(self) -> homsense.Recovery:
+        """Return the value."""
+        return homsense.Relocation(self.probability)
+
+
+class AmclIn(Wire):
+    """The rule of AMCL: random particles when the likelihood falls."""
+
+    type: Literal["amcl"]
+    recovery_alpha_slow: float = Field(default=_AMCL.alpha_slow, ge=0, le=1)
+    recovery_alpha_fast: float = Field(default=_AMCL.alpha_fast, ge=0, le=1)
+
+    def to_recovery(self) -> homsense.Recovery:
+        """Return the value."""
+        return homsense.AugmentedMcl(self.recovery_alpha_slow, self.recovery_alpha_fast)
+
+
+class NoRecoveryIn(Wire):
+    """Particles are never drawn anew."""
+
+    type: Literal["none"]
+
+    def to_recovery(self) -> None:
+        """Return nothing."""
+
+
+RecoveryIn = Annotated[RelocationIn | AmclIn | NoRecoveryIn, Field(discriminator="type")]
+
+
+class AdaptiveIn(Wire):
+    """As many particles as the spread asks for (KLD sampling)."""
+
+    least: int = Field(default=_KLD.least, ge=1, le=1_000_000)
+    most: int = Field(default=_KLD.most, ge=1, le=1_000_000)
+    error: float = Field(default=_KLD.error, gt=0, le=10, description="Nats.")
+    quantile: float = Field(
+        default=_KLD.quantile, ge=0.5, lt=1, description="A probability, not a z-score."
+    )
+    cell_m: float = Field(default=_KLD.cell_m, gt=0, le=1e6)
+    cell_rad: float = Field(default=_KLD.cell_rad, gt=0, le=7)
+
+    def to_sampling(self) -> homsense.KldSampling:
+        """Return the value."""
+        return homsense.KldSampling(**self.model_dump())
+
+
 class SessionIn(Wire):
     """How to localize."""
 
@@ -110,7 +176,18 @@ class SessionIn(Wire):
     prior: PriorIn = UniformIn(type="uniform")
     motion: MotionIn = OdometryIn(type="odometry")
     sensor: SensorIn = SensorIn()
-    resample_below: float = Field(default=0.5, ge=0, le=1, description="Share of particles.")
+    resample_below: float = Field(
+        default=_DEFAULTS.resample_below, ge=0, le=1, description="Share of particles."
+    )
+    scheme: Literal["systematic", "stratified", "residual", "multinomial"] = "systematic"
+    recovery: RecoveryIn = RelocationIn(type="relocation")
+    adaptive: AdaptiveIn | None = None
+    weigh_every_m: float = Field(
+        default=_DEFAULTS.weigh_every_m,
+        ge=0,
+        le=1e6,
+        description="A device that has moved less learns nothing from another scan, metres.",
+    )
 
     def to_localizer_config(self, cell_m: float) -> homsense.LocalizerConfig:
         """Return the value."""
@@ -120,6 +197,10 @@ class SessionIn(Wire):
             noise=self.sensor.to_noise(),
             prior=_prior(self.prior),
             resample_below=self.resample_below,
+            scheme=self.scheme,
+            recovery=self.recovery.to_recovery(),
+            adaptive=None if self.adaptive is None else self.adaptive.to_sampling(),
+            weigh_every_m=self.weigh_every_m,
             cell_m=cell_m,
         )
 
@@ -146,11 +227,43 @@ class DeltaIn(Wire):
     std: list[Annotated[float, Field(ge=0, le=1e6)]] | None = Field(
         default=None, min_length=3, max_length=3, description="Deviations of the three."
     )
+    covariance: list[float] | None = Field(
+        default=None,
+        min_length=9,
+        max_length=9,
+        description="Of the three, row by row; goes before std.",
+    )
 
     def to_delta(self) -> homsense.Delta:
         """Return the value."""
         std = None if self.std is None else (self.std[0], self.std[1], self.std[2])
-        return homsense.Delta(self.forward_m, self.left_m, self.turn_rad, std=std)
+        covariance = None if self.covariance is None else tuple(self.covariance)
+        delta = homsense.Delta(
+            self.forward_m, self.left_m, self.turn_rad, std=std, covariance=covariance
+        )
+        return delta.checked()
+
+
+class ImuSampleIn(Wire):
+    """One reading of a level accelerometer and a gyroscope."""
+
+    dt_s: float = Field(gt=0, le=10, description="How long it holds, seconds.")
+    forward: float = Field(ge=-1000, le=1000, description="Acceleration, m/s^2.")
+    left: float = Field(ge=-1000, le=1000, description="Acceleration, m/s^2.")
+    turn: float = Field(ge=-1000, le=1000, description="Turn rate, rad/s.")
+
+    def to_sample(self) -> homsense.ImuSample:
+        """Return the value."""
+        return homsense.ImuSample(self.dt_s, self.forward, self.left, self.turn)
+
+
+class WalkedIn(Wire):
+    """A pedestrian's step."""
+
+    length_m: float = Field(ge=0, le=100)
+    heading_rad: float = Field(
+        ge=-1e6, le=1e6, description="From any direction that stays the same."
+    )
 
 
 class StepIn(Wire):
@@ -158,8 +271,27 @@ class StepIn(Wire):
 
     seq: int = Field(ge=1, lt=2**53)
     t: Moment | None = None
-    delta: DeltaIn = DeltaIn()
+    delta: DeltaIn | None = None
+    imu: list[ImuSampleIn] | None = Field(
+        default=None, min_length=1, max_length=1000, description="In place of delta."
+    )
+    walked: WalkedIn | None = Field(default=None, description="In place of delta.")
     landmarks: Landmarks | None = None
+
+    @model_validator(mode="after")
+    def _has_one_motion(self) -> Self:
+        if sum(motion is not None for motion in (self.delta, self.imu, self.walked)) > 1:
+            message = "a step has one of delta, imu and walked"
+            raise ValueError(message)
+        return self
+
+    def motion(self) -> Motion:
+        """Return what the device says about its motion."""
+        if self.imu is not None:
+            return tuple(sample.to_sample() for sample in self.imu)
+        if self.walked is not None:
+            return Walked(self.walked.length_m, self.walked.heading_rad)
+        return homsense.Delta() if self.delta is None else self.delta.to_delta()
 
     def seconds(self) -> float | None:
         """Return the time in Unix seconds."""
