@@ -37,8 +37,10 @@ unit: $(READY) ## unit, property, contract and integration tests with coverage
 	@$(BIN)/coverage combine --quiet
 	@$(BIN)/coverage report --skip-covered
 
-proof: $(READY) ## slow proof: exactness against GUDHI, the demo over ten seeds
+proof: $(READY) ## slow proof: exactness against GUDHI, calibration and recovery, the demo over ten seeds
 	$(BIN)/python benchmarks/exactness.py
+	$(BIN)/python benchmarks/same_bits.py
+	$(BIN)/python benchmarks/calibration.py
 	$(BIN)/python benchmarks/demo_seeds.py
 
 .venv-peers/.ready: $(READY) requirements-peers.lock

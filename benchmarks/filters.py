@@ -48,24 +48,31 @@ class Town(NamedTuple):
 
 
 def town() -> Town:
-    """Return the town: 640 m square, blocks of 45 m at a pitch of 90 m, five of them missing."""
+    """Return the town: 640 m square, 44 blocks of 28 to 58 m near the places of a grid of 90 m."""
+    rng = np.random.Generator(np.random.Philox(key=SEED))
     missing = {(0, 0), (3, 3), (6, 1), (2, 5), (5, 6)}
     places = [(i, j) for i in range(7) for j in range(7) if (i, j) not in missing]
+    blocks = []
+    for i, j in places:
+        wide, high = rng.uniform(28.0, 58.0, 2)
+        west, south = (
+            5.0 + 90.0 * np.array([i, j]) + rng.uniform(0.0, 78.0 - np.array([wide, high]))
+        )
+        blocks.append(_feature(west, south, wide, high, {}))
     document = {
         "type": "FeatureCollection",
         "frame": "local",
-        "features": [
-            *(_feature(10 + 90 * i, 10 + 90 * j, 45, {}) for i, j in places),
-            _feature(0, 0, 640, {"role": "domain"}),
-        ],
+        "features": [*blocks, _feature(0, 0, 640, 640, {"role": "domain"})],
     }
     site_map = SiteMap.from_geojson(document)
     heights = [HeightMap.geometric(site_map, r, cell_m=1.0) for r in (120.0, 180.0)]
     return Town(site_map, heights, FreeSpace.of(site_map, 1.0))
 
 
-def _feature(x: float, y: float, side: float, properties: dict[str, str]) -> dict[str, object]:
-    ring = [[x, y], [x + side, y], [x + side, y + side], [x, y + side], [x, y]]
+def _feature(
+    x: float, y: float, wide: float, high: float, properties: dict[str, str]
+) -> dict[str, object]:
+    ring = [[x, y], [x + wide, y], [x + wide, y + high], [x, y + high], [x, y]]
     geometry = {"type": "Polygon", "coordinates": [ring]}
     return {"type": "Feature", "geometry": geometry, "properties": properties}
 
