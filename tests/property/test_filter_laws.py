@@ -12,7 +12,9 @@ from support.builders import feature, local_map, square
 from support.strategies import FINITE
 
 from homsense import (
+    CountNoise,
     Delta,
+    Doubt,
     FreeSpace,
     HeightMap,
     Localizer,
@@ -20,15 +22,19 @@ from homsense import (
     OdometryMotion,
     Particles,
     PoseDistribution,
+    Relocation,
     SiteMap,
     exact,
+    recovery,
 )
 from homsense.backend import NUMPY, Backend, compiled
+from homsense.likelihood import CodeLikelihood
 from homsense.modes import label
 from homsense.motion import measured_move
 from homsense.philox import random_words
 from homsense.resample import SCHEMES
-from homsense.weights import FULL, linear, sums
+from homsense.stages import cells_at
+from homsense.weights import FULL, linear, sums, units
 
 TOWN = SiteMap.from_geojson(
     local_map(
@@ -269,3 +275,32 @@ def test_a_region_holds_its_share_with_the_fewest_cells(seed: int) -> None:
 def test_a_sound_motion_passes_its_check(forward: float, left: float, turn: float) -> None:
     delta = Delta(forward, left, turn)
     assert delta.checked() is delta
+
+
+@given(st.tuples(st.integers(0, 3), st.integers(0, 6)), SEEDS)
+def test_new_particles_come_from_the_likelihood(counts: tuple[int, int], seed: int) -> None:
+    localizer = Localizer(TOWN, HEIGHTS, free_space=FREE, backend=NUMPY)
+    code_map = localizer.code_map
+    likelihood = CodeLikelihood(code_map, CountNoise())(counts)
+    masses = recovery.cell_masses(code_map, units(likelihood))
+    drawn = recovery.draw(code_map, masses, *(random_words(seed, 1, p, 5000) for p in (2, 6)))
+    assert FREE.contains(drawn.poses[:, :2]).all()
+    codes = code_map.codes[cells_at(FREE.grid.raster, drawn.x_m, drawn.y_m)]
+    found = np.bincount(codes, minlength=len(likelihood)) / 5000
+    due = code_map.sizes * np.exp2(likelihood)
+    assert 0.5 * np.abs(found - due / due.sum()).sum() < 0.05
+    mean = due.sum() / code_map.sizes.sum()
+    assert masses.evidence_bits == pytest.approx(np.log2(mean), abs=1e-3)
+
+
+@given(st.floats(0.0, 0.9), st.floats(-30.0, 30.0), st.floats(0.0, 1.0), st.floats(0.0, 100.0))
+def test_the_doubt_follows_bayes_rule(
+    probability: float, advantage: float, exponent: float, odds: float
+) -> None:
+    doubt = Doubt(advantage_bits=advantage, odds=odds)
+    after, share = Relocation(probability).share(doubt, exponent)
+    prior = probability * exponent
+    lost, kept = prior * 2.0**-advantage, 1.0 - prior
+    assert share == pytest.approx(lost / (lost + kept))
+    assert after.odds == pytest.approx(min((odds + prior) * 2.0**-advantage / (1.0 - prior), 1e9))
+    assert 0.0 <= after.relocation_p <= 1.0
