@@ -8,7 +8,7 @@ from homsense.adaptive import MAX_PARTICLES, KldSampling
 from homsense.errors import InvalidConfigurationError
 from homsense.likelihood import CountNoise
 from homsense.motion import MotionModel, OdometryMotion
-from homsense.policy import ess_below
+from homsense.policy import Policy, ess_below
 from homsense.prior import Prior, UniformPrior
 from homsense.recovery import Recovery, Relocation
 from homsense.resample import SCHEMES
@@ -30,7 +30,9 @@ class LocalizerConfig:
         What is known at the start; nothing by default.
     resample_below : float, default 0.5
         Resample when the effective sample size falls below this share of the particles; 1.0
-        resamples at every step, as Algorithm 1 does.
+        resamples whenever weights differ, as Algorithm 1 does.
+    policy : callable, optional
+        When to resample, a predicate of `homsense.policy`, in place of `resample_below`.
     scheme : {"systematic", "stratified", "residual", "multinomial"}, default "systematic"
         How particles are drawn.
     recovery : Recovery or None, optional
@@ -55,6 +57,7 @@ class LocalizerConfig:
     noise: CountNoise = field(default_factory=CountNoise)
     prior: Prior = field(default_factory=UniformPrior)
     resample_below: float = 0.5
+    policy: Policy | None = None
     scheme: Literal["systematic", "stratified", "residual", "multinomial"] = "systematic"
     recovery: Recovery | None = field(default_factory=Relocation)
     adaptive: KldSampling | None = None

@@ -25,7 +25,7 @@ from homsense.likelihood import CodeLikelihood
 from homsense.motion import measured_move
 from homsense.particles import Particles, joined
 from homsense.philox import Purpose
-from homsense.policy import Policy, ess_below
+from homsense.policy import ess_below
 from homsense.pose import Delta
 from homsense.recovery import Doubt, Relocation
 from homsense.resample import SCHEMES, scaled
@@ -137,7 +137,7 @@ class Localizer:
             raise InvalidConfigurationError(message, "heights")
         self.code_map = code_map or CodeMap.of(self.free_space, self.heights)
         self.backend = backend or fastest()
-        self.policy: Policy = ess_below(self.config.resample_below)
+        self._is_due = self.config.policy or ess_below(self.config.resample_below)
         self._likelihood = CodeLikelihood(self.code_map, self.config.noise)
 
     def run_by(self, backend: Backend) -> "Localizer":
@@ -309,7 +309,7 @@ class Localizer:
         weights, sums = self.backend.weigh(particles)
         high, low, spare, _ = random_words(*key, Purpose.RESAMPLING, 1)[:, 0].tolist()
         injected = 0 if fresh is None else _rounded(fresh.share * particles.size, spare)
-        if not injected and not self.policy(sums):
+        if not injected and not self._is_due(sums):
             return particles, 0
         count = particles.size if adaptive is None else adaptive.count(particles, weights)
         injected = min(injected, count - 1)

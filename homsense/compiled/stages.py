@@ -11,6 +11,7 @@ from homsense.compiled.jit import allocating, apart, inlined
 from homsense.free_space import Walls
 from homsense.grid import Raster
 from homsense.particles import Particles
+from homsense.philox import Purpose
 
 Array = NDArray[Any]
 
@@ -19,6 +20,7 @@ _BLOCKED, _LOWEST = weights.BLOCKED, weights.LOWEST
 _UNIT_BITS, _FRACTION_BITS = weights.UNIT_BITS, weights.FRACTION_BITS
 _MOST_HALVINGS = weights.MOST_HALVINGS
 _NOTHING = np.float32(0.0)
+_MOTION = int(Purpose.MOTION)
 
 
 @allocating
@@ -97,7 +99,7 @@ def _move(
     forward_m, left_m, turned = mean[0], mean[1], mean[2]
     r00, r10, r11, r20, r21, r22 = root[0], root[1], root[2], root[3], root[4], root[5]
     for index in range(len(x)):
-        w0, w1, w2, w3 = random_words(index, tick, 0, seed)
+        w0, w1, w2, w3 = random_words(index, tick, _MOTION, seed)
         n0, n1, n2 = standard_normals(w0, w1, w2, w3)
         forward = forward_m + r00 * n0
         left = left_m + (r10 * n0 + r11 * n1)

@@ -35,6 +35,7 @@ from homsense.backend import NUMPY, Backend, compiled
 from homsense.likelihood import CodeLikelihood
 from homsense.motion import measured_move
 from homsense.philox import random_words
+from homsense.policy import always, any_of, never
 from homsense.resample import SCHEMES
 from homsense.stages import cells_at
 
@@ -343,6 +344,16 @@ def test_a_lost_device_raises_doubt_and_is_searched_for() -> None:
     assert "suspect" in statuses["none"]
     assert elsewhere["none"] == 0.0
     assert elsewhere["standing"] > 0.5
+
+
+def test_a_policy_decides_when_to_resample() -> None:
+    kept, drawn = (
+        _localizer(policy=policy, recovery=None) for policy in (never, any_of(never, always))
+    )
+    for localizer, is_resampled in ((kept, False), (drawn, True)):
+        state, pose = localizer.step(localizer.start(seed=1), Delta(), [1, 2])
+        assert (pose.ess == pytest.approx(2000)) == is_resampled
+        assert state.particles.log_weight.any() != is_resampled
 
 
 def test_amcl_draws_anew_when_the_likelihood_falls() -> None:
