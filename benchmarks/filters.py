@@ -27,15 +27,18 @@ from homsense import (
     HeightMap,
     Localizer,
     LocalizerConfig,
+    Relocation,
     SiteMap,
     UniformPrior,
 )
 from homsense.backend import NUMPY, Backend, compiled
+from homsense.recovery import Recovery
 
 SEED, ROUNDS, STEPS, WARM_STEPS = 1, 7, 25, 5
 SIZES = (1000, 8000, 50_000)
 PEERS = Path(".venv-peers", "bin", "python")
 DELTA = Delta(5.0, 0.0, 0.02, std=(0.8, 0.8, 0.05))
+_STANDING = Relocation()
 NOISE = CountNoise(sigma=3.0, floor=0.02, correlation_m=5.0)
 
 
@@ -110,13 +113,21 @@ def table() -> list[str]:
     return [*rows, "", *summary_table(here)]
 
 
-def _localizer(here: Town, backend: Backend | None, size: int, *, known: bool) -> Localizer:
+def _localizer(
+    here: Town,
+    backend: Backend | None,
+    size: int,
+    *,
+    known: bool,
+    recovery: Recovery | None = _STANDING,
+) -> Localizer:
     known_prior = GaussianPrior(70.0, 300.0, 4.0, HeadingPrior(0.0, 0.1))
     config = LocalizerConfig(
         particles=size,
         noise=NOISE,
         resample_below=1.0,
         prior=known_prior if known else UniformPrior(),
+        recovery=recovery,
     )
     return Localizer(
         here.site_map,
@@ -151,24 +162,31 @@ def summary_table(here: Town) -> list[str]:
         "| posterior | backend | step, us | modes and regions, us | both, to the step |",
         "|---|---|---|---|---|",
     ]
-    for known in (True, False):
+    scenes: list[tuple[str, bool, Recovery | None]] = [
+        ("converged, no relocation", True, None),
+        ("converged, relocation", True, _STANDING),
+        ("diffuse", False, _STANDING),
+    ]
+    for scene, known, recovery in scenes:
         for backend in (compiled(), NUMPY):
-            localizer = _localizer(here, backend, 8000, known=known)
+            localizer = _localizer(here, backend, 8000, known=known, recovery=recovery)
             steps, said = [], []
             state = localizer.start(SEED)
+            places = localizer.estimate(state).mean[None]
+            due = tuple(int(height.at(places)[0]) for height in here.heights)
             for _ in range(WARM_STEPS + STEPS):
                 started = time.thread_time()
-                state, pose = localizer.step(state, Delta(0.6, 0.0, 0.0), (0, 3))
+                state, pose = localizer.step(state, Delta(0.6 if known else 5.0), due)
                 stepped = time.thread_time()
                 assert pose.modes, [pose.region_area_m2(level) for level in (0.5, 0.9, 0.95)]
                 steps.append(stepped - started)
                 said.append(time.thread_time() - stepped)
             step, say = 1e6 * median(steps[WARM_STEPS:]), 1e6 * median(said[WARM_STEPS:])
             rows.append(
-                f"| {'converged' if known else 'diffuse'} | {localizer.backend.name} | {step:.0f} "
+                f"| {scene} | {localizer.backend.name} | {step:.0f} "
                 f"| {say:.0f} | **{(step + say) / step:.1f}** |"
             )
-            if known and backend is not NUMPY:
+            if recovery and known and backend is not NUMPY:
                 per_core = 1.0 / (10.0 * 1e-6 * step)
     rows += ["", f"Sessions a core at 10 Hz, engine only: **{per_core:.0f}**."]
     return rows

@@ -1,7 +1,7 @@
 """Run all comparisons and write docs/performance.md."""
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from platform import python_version
@@ -28,22 +28,29 @@ HEAD = """# Performance
 `make bench` wrote this file: every figure and its peer were measured in the same run, on one
 thread. CPU time, so that neighbors on the machine matter less; quote the ratios, not the
 milliseconds. GUDHI-2D is GUDHI given the edges and triangles of a neighborhood for free. One
-section alone: `python benchmarks/performance.py neighborhoods`.
+section alone, the others as they are: `python benchmarks/performance.py neighborhoods`.
 """
 
 
 def main(wanted: list[str]) -> None:
-    """Print the sections that are wanted; write the file when all are."""
+    """Measure the sections that are wanted, all of them by default, and write them to the file."""
     packages = ("numpy", "numba", "gudhi")
     used = ", ".join(f"{name} {version(name)}" for name in packages)
-    pages = [HEAD, f"Python {python_version()}, {used}."]
+    head = f"{HEAD}\nPython {python_version()}, {used}."
+    path = Path("docs", "performance.md")
+    kept = dict(_sections(path.read_text())) if wanted else {}
     for name, title, table in SECTIONS:
         if not wanted or name in wanted:
-            lines = [f"## {title}", "", *table()]
-            print("\n".join(lines), end="\n\n", flush=True)
-            pages.append("\n".join(lines))
-    if not wanted:
-        Path("docs", "performance.md").write_text("\n\n".join(pages) + "\n")
+            kept[title] = "\n".join(table())
+            print(f"## {title}\n\n{kept[title]}\n", flush=True)
+    pages = [head, *(f"## {title}\n\n{kept[title]}" for _, title, _ in SECTIONS if title in kept)]
+    path.write_text("\n\n".join(pages) + "\n")
+
+
+def _sections(text: str) -> Iterator[tuple[str, str]]:
+    for part in text.split("\n## ")[1:]:
+        title, _, table = part.partition("\n")
+        yield title, table.strip()
 
 
 if __name__ == "__main__":
