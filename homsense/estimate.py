@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homsense.backend import Backend, fastest
+from homsense.exact import wrap_turns
 from homsense.histogram import Histogram, fitting_cell_m
 from homsense.modes import Mode, label, modes
 from homsense.particles import Particles
@@ -71,7 +72,7 @@ class PoseDistribution:
         particles = Particles(
             np.ascontiguousarray(x),
             np.ascontiguousarray(y),
-            turns - np.floor(turns + np.float32(0.5)),
+            wrap_turns(turns),
             units(np.log2(share)),
         )
         return cls(particles, cell_m)

@@ -4,15 +4,13 @@ The body frame is level: x forward, y to the left, z up. Gravity along z does no
 that is not level has to be levelled first.
 """
 
-import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 from homsense.errors import InvalidInputError
 from homsense.pose import Delta
-from homsense.scalar import cosine, sine
+from homsense.scalar import TURN, cosine, sine
 
-_TURN = 2.0 * math.pi
 MAX_ACCELERATION, MAX_RATE, MAX_PAUSE_S = 1000.0, 1000.0, 10.0
 
 
@@ -151,5 +149,5 @@ def _is_still(sample: ImuSample, noise: ImuNoise) -> bool:
 
 
 def _direction(turned: float) -> tuple[float, float]:
-    turns = turned / _TURN
+    turns = turned / TURN
     return cosine(turns), sine(turns)

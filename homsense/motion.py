@@ -9,9 +9,8 @@ import numpy as np
 
 from homsense.errors import InvalidConfigurationError
 from homsense.pose import Delta
+from homsense.scalar import TURN
 from homsense.stages import Move
-
-_TURN = 2.0 * math.pi
 
 
 class MotionModel(Protocol):
@@ -153,10 +152,10 @@ def measured_move(delta: Delta, model: MotionModel) -> Move:
     if root is None:
         forward, left, turn = model.deviations(delta)
         root = (forward, 0.0, left, 0.0, 0.0, turn)
-    mean = (delta.forward_m, delta.left_m, delta.turn_rad / _TURN)
+    mean = (delta.forward_m, delta.left_m, delta.turn_rad / TURN)
     return Move(
         np.array(mean, np.float32),
-        np.array([*root[:3], *(part / _TURN for part in root[3:])], np.float32),
+        np.array([*root[:3], *(part / TURN for part in root[3:])], np.float32),
     )
 
 

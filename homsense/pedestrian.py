@@ -4,9 +4,8 @@ import math
 
 from homsense.errors import InvalidInputError
 from homsense.pose import Delta
-from homsense.scalar import cosine, sine
+from homsense.scalar import TURN, cosine, sine
 
-_TURN = 2.0 * math.pi
 LENGTH_SHARE, HEADING_RAD = 0.1, 0.1
 MAX_STEP_M = 100.0
 
@@ -43,12 +42,12 @@ def walked(length_m: float, heading_rad: float, before_rad: float | None) -> Del
     if not (0.0 <= length_m <= MAX_STEP_M and math.isfinite(heading_rad)):
         message = f"a step has a length in [0, {MAX_STEP_M:.0f}] m and a finite heading"
         raise InvalidInputError(message, "step")
-    turns = 0.0 if before_rad is None else (heading_rad - before_rad) / _TURN
+    turns = 0.0 if before_rad is None else (heading_rad - before_rad) / TURN
     turns -= math.floor(turns + 0.5)
     error_m = LENGTH_SHARE * length_m
     return Delta(
         length_m * cosine(turns),
         length_m * sine(turns),
-        turns * _TURN,
+        turns * TURN,
         std=(error_m, error_m, HEADING_RAD),
     )

@@ -13,6 +13,7 @@ from shapely.geometry import Polygon
 from homsense.errors import InvalidConfigurationError
 from homsense.exact import standard_normals, unit_interval, wrap_turns
 from homsense.free_space import FreeSpace
+from homsense.scalar import TURN
 
 FloatArray = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -20,7 +21,6 @@ Drawn = tuple[Singles, Singles, Singles]
 Bits = Callable[[int], NDArray[np.uint32]]
 
 _ATTEMPTS = 256
-_TURN = 2.0 * math.pi
 
 
 class Prior(Protocol):
@@ -62,7 +62,7 @@ class HeadingPrior:
         if math.isinf(self.std_rad):
             return wrap_turns(unit_interval(words[0]))
         _, _, normal = standard_normals(words)
-        mean, std = np.float32(self.mean_rad / _TURN), np.float32(self.std_rad / _TURN)
+        mean, std = np.float32(self.mean_rad / TURN), np.float32(self.std_rad / TURN)
         return wrap_turns(mean + std * normal)
 
 

@@ -3,9 +3,9 @@
 import math
 
 _LOG_2_E = 1.4426950408889634
-_LN_2 = 0.6931471805599453
+LN_2 = 0.6931471805599453
 _ROOT_HALF = 0.7071067811865476
-_TURN = 6.283185307179586
+TURN = 6.283185307179586
 _ATANH = tuple(1.0 / (2 * term - 1) for term in range(12, 0, -1))
 _FACTORIALS = tuple(1.0 / term for term in range(14, 0, -1))
 _SINE = tuple((-1.0) ** term / math.factorial(2 * term + 1) for term in range(9, -1, -1))
@@ -61,7 +61,7 @@ def exp2(bits: float) -> float:
     """
     bounded = min(max(bits, -_MOST), _MOST)
     whole = math.floor(bounded + 0.5)
-    rest = (bounded - whole) * _LN_2
+    rest = (bounded - whole) * LN_2
     series = 1.0
     for coefficient in _FACTORIALS:
         series = series * rest * coefficient + 1.0
@@ -87,7 +87,7 @@ def sine(turns: float) -> float:
     0.5
     """
     folded = turns - math.floor(turns + 0.5)
-    acute = (0.25 - abs(abs(folded) - 0.25)) * _TURN
+    acute = (0.25 - abs(abs(folded) - 0.25)) * TURN
     square = acute * acute
     series = 0.0
     for coefficient in _SINE:

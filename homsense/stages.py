@@ -224,12 +224,16 @@ def reweigh(particles: Particles, raster: Raster, codes: Codes, table: Integers)
     Reweighed
         The particles, and what their evidence can be computed from.
     """
-    before = sums(linear(particles.log_weight)).total
+    before = _total(particles.log_weight)
     gained = particles.log_weight + table[codes[cells_at(raster, particles.x_m, particles.y_m)]]
     best = gained.max()
     log_weight = np.maximum(gained - best, LOWEST)
-    after = sums(linear(log_weight)).total
+    after = _total(log_weight)
     return Reweighed(particles._replace(log_weight=log_weight), int(best), before, after)
+
+
+def _total(log_weight: Integers) -> int:
+    return int(linear(log_weight).sum(dtype=np.uint64))
 
 
 def weigh(particles: Particles) -> tuple[Weights, WeightSums]:

@@ -4,9 +4,7 @@ import math
 from typing import NamedTuple, Self
 
 from homsense.pose import Delta
-from homsense.scalar import cosine, sine
-
-_TURN = 2.0 * math.pi
+from homsense.scalar import TURN, cosine, sine
 
 
 class Travel(NamedTuple):
@@ -52,5 +50,5 @@ class Travel(NamedTuple):
         return type(self)(
             self.forward_m + right * delta.forward_m - up * delta.left_m,
             self.left_m + up * delta.forward_m + right * delta.left_m,
-            (self.turns + delta.turn_rad / _TURN) % 1.0,
+            (self.turns + delta.turn_rad / TURN) % 1.0,
         )

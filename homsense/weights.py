@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homsense.exact import exp
-from homsense.scalar import log2
+from homsense.scalar import LN_2, log2
 
 Integers = NDArray[np.int32]
 Weights = NDArray[np.uint32]
@@ -23,9 +23,8 @@ BLOCKED = np.int32(-60_000)
 
 UNIT_BITS, FRACTION_BITS = np.int32(11), np.int32(2047)
 MOST_HALVINGS = np.int32(31)
-_LN_2 = 0.6931471805599453
 FRACTIONS = (
-    FULL * exp(np.arange(UNITS_PER_BIT, dtype=np.float64) * (_LN_2 / UNITS_PER_BIT)) + 0.5
+    FULL * exp(np.arange(UNITS_PER_BIT, dtype=np.float64) * (LN_2 / UNITS_PER_BIT)) + 0.5
 ).astype(np.uint32)
 
 

@@ -106,8 +106,8 @@ class Session:
         self.seed = seed
         self._backend = backend
         self._lock = threading.Lock()
-        self._state = localizer.start(seed)
-        self._fix = Fix(0, None, localizer.estimate(self._state), None, self._state)
+        state = localizer.start(seed)
+        self._fix = Fix(0, None, localizer.estimate(state), None, state)
         self._own_motion = OwnMotion()
         self._applied: OrderedDict[int, Step] = OrderedDict()
         self._answers: OrderedDict[int, Any] = OrderedDict()
@@ -159,8 +159,8 @@ class Session:
             if version.digest == self.map_version.digest:
                 return
             self.map_version, self.localizer = version, localizer
-            self._state = localizer.migrate(self._state)
-            self._fix = replace(self._fix, pose=localizer.estimate(self._state), state=self._state)
+            state = localizer.migrate(self._fix.state)
+            self._fix = replace(self._fix, pose=localizer.estimate(state), state=state)
             self._answers.clear()
 
     def _check(self, ordered: list[Step]) -> None:
@@ -185,8 +185,8 @@ class Session:
             holes = tuple(level.holes for level in levels)
         delta, self._own_motion = self._own_motion.onward(step.motion, duration)
         self.localizer = self.localizer.run_by(self._backend())
-        self._state, pose = self.localizer.step(self._state, delta, holes)
-        self._fix = Fix(step.seq, step.t, pose, holes, self._state)
+        state, pose = self.localizer.step(self._fix.state, delta, holes)
+        self._fix = Fix(step.seq, step.t, pose, holes, state)
         self._applied[step.seq] = step
         _forget_oldest(self._applied)
 
