@@ -19,20 +19,23 @@ from homsense.errors import (
     InvalidScanError,
 )
 from homsense.estimate import PoseDistribution
+from homsense.expectation import Expectation, expect
 from homsense.free_space import FreeSpace
 from homsense.grid import Grid
 from homsense.height import HeightMap
 from homsense.imu import ImuNoise, ImuSample, Velocity, preintegrate
-from homsense.likelihood import CountNoise
 from homsense.localizer import Localizer, LocalizerState
 from homsense.modes import Mode
 from homsense.motion import ImuMotion, MotionModel, OdometryMotion
 from homsense.nerve import landmark_complex, observation_complex
+from homsense.noise import CountNoise, FieldNoise, Noise
 from homsense.particles import Particles
 from homsense.pedestrian import walked
 from homsense.pose import Delta
 from homsense.prior import GaussianPrior, HeadingPrior, PolygonPrior, Prior, UniformPrior
+from homsense.profiles import Profiles
 from homsense.quarantine import Displaced, displaced
+from homsense.radio import RadioModel, estimate_radio
 from homsense.range_check import RangePoint, choose_cut, range_curve
 from homsense.recovery import AugmentedMcl, Doubt, Recovery, Relocation
 from homsense.relation import VisibilityRelation
@@ -57,6 +60,8 @@ __all__ = [
     "Displaced",
     "Doubt",
     "EpochFiltration",
+    "Expectation",
+    "FieldNoise",
     "FreeSpace",
     "GaussianPrior",
     "Grid",
@@ -79,11 +84,14 @@ __all__ = [
     "LocalizerState",
     "Mode",
     "MotionModel",
+    "Noise",
     "OdometryMotion",
     "Particles",
     "PolygonPrior",
     "PoseDistribution",
     "Prior",
+    "Profiles",
+    "RadioModel",
     "RangePoint",
     "Reading",
     "Recovery",
@@ -97,6 +105,8 @@ __all__ = [
     "calibrate_r_geo",
     "choose_cut",
     "displaced",
+    "estimate_radio",
+    "expect",
     "landmark_complex",
     "median_witnesses",
     "observation_complex",

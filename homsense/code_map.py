@@ -33,8 +33,8 @@ class CodeMap:
         The cells.
     codes : ndarray, uint16
         Code of each cell of the raster, by flat index; 0 where it is not free.
-    expected : ndarray, shape (n_codes, n_levels), float64
-        Counts that a code expects in each neighborhood; not a number for code 0.
+    expected : ndarray, shape (n_codes, n_fields), float64
+        What a code expects: the value of each height map; not a number for code 0.
     """
 
     free_space: FreeSpace
@@ -50,12 +50,13 @@ class CodeMap:
         free_space : FreeSpace
             The cells.
         heights : sequence of HeightMap
-            Expected counts, one map for each neighborhood.
+            Expected counts, one map for each neighborhood, and whatever else the error model asks
+            for.
 
         Returns
         -------
         CodeMap
-            Counts are kept to a sixteenth, or less where there would be too many codes.
+            Values are kept to a sixteenth, or less where there would be too many codes.
         """
         free = np.flatnonzero(free_space.free[:-1])
         centers = free_space.grid.centers()[free]
@@ -74,8 +75,8 @@ class CodeMap:
         return cls(free_space, ringed, np.concatenate([nowhere, steps.T[first] / steps_per_hole]))
 
     @property
-    def n_levels(self) -> int:
-        """How many neighborhoods there are."""
+    def n_fields(self) -> int:
+        """How many height maps there are."""
         return int(self.expected.shape[1])
 
     @cached_property

@@ -6,8 +6,8 @@ from typing import Literal
 
 from homsense.adaptive import MAX_PARTICLES, KldSampling
 from homsense.errors import InvalidConfigurationError
-from homsense.likelihood import CountNoise
 from homsense.motion import MotionModel, OdometryMotion
+from homsense.noise import CountNoise, Noise
 from homsense.policy import Policy, ess_below
 from homsense.prior import Prior, UniformPrior
 from homsense.recovery import Recovery, Relocation
@@ -24,7 +24,7 @@ class LocalizerConfig:
         Number of pose hypotheses, in [1, 1e6].
     motion : MotionModel, optional
         Uncertainty of motion; odometry by default.
-    noise : CountNoise, optional
+    noise : Noise, optional
         Error of the homological sensor.
     prior : Prior, optional
         What is known at the start; nothing by default.
@@ -36,7 +36,7 @@ class LocalizerConfig:
     scheme : {"systematic", "stratified", "residual", "multinomial"}, default "systematic"
         How particles are drawn.
     recovery : Recovery or None, optional
-        What becomes of the doubt that the pose is lost; a standing hypothesis of one percent by
+        What becomes of the doubt that the pose is lost; a standing hypothesis of five percent by
         default, None never draws particles anew.
     adaptive : KldSampling, optional
         Bounds within which the number of particles follows the spread; fixed by default.
@@ -54,7 +54,7 @@ class LocalizerConfig:
 
     particles: int = 8000
     motion: MotionModel = field(default_factory=OdometryMotion)
-    noise: CountNoise = field(default_factory=CountNoise)
+    noise: Noise = field(default_factory=CountNoise)
     prior: Prior = field(default_factory=UniformPrior)
     resample_below: float = 0.5
     policy: Policy | None = None

@@ -33,13 +33,13 @@ class HeightMap:
         The raster.
     values : ndarray, shape (rows, columns), float32
         Expected holes at the middle of each cell.
-    r_geo_m : float
-        Geodetic radius, metres.
+    r_geo_m : float, optional
+        Geodetic radius, metres; absent when values do not come from one.
     """
 
     grid: Grid
     values: NDArray[np.float32]
-    r_geo_m: float
+    r_geo_m: float | None
 
     @classmethod
     def geometric(

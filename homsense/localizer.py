@@ -199,7 +199,7 @@ class Localizer:
         self,
         state: LocalizerState,
         delta: Delta | Sequence[float],
-        counts: Sequence[int] | None = None,
+        counts: Sequence[float] | None = None,
     ) -> tuple[LocalizerState, PoseDistribution]:
         """Move and, when there is a measurement, weigh and resample (Algorithm 1, lines 6 to 13).
 
@@ -209,7 +209,7 @@ class Localizer:
             From `start` or the step before; it stays valid.
         delta : Delta or sequence of float
             Measured body-frame motion: forward m, left m, turn rad.
-        counts : sequence of int, optional
+        counts : sequence of float, optional
             Holes sensed in each neighborhood; none when nothing was sensed.
 
         Returns
@@ -238,7 +238,7 @@ class Localizer:
         )
         if likelihood is not None and travel.length_m >= self.config.weigh_every_m:
             particles, doubt, fresh = self._reweigh(particles, doubt, likelihood, travel)
-            travel = Travel(0.0)
+            travel = Travel(credit_m=0.0)
         particles, injected = self._resample(particles, fresh, (state.seed, tick))
         after = LocalizerState(
             state.seed, tick, particles, travel, doubt._replace(injected=injected)

@@ -72,7 +72,7 @@ class Relocation:
 
     Parameters
     ----------
-    probability : float, default 0.01
+    probability : float, default 0.05
         That the pose was lost between two independent measurements, in [0, 1); 0 never draws.
 
     Raises
@@ -81,7 +81,7 @@ class Relocation:
         If the probability is out of range.
     """
 
-    probability: float = 0.01
+    probability: float = 0.05
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.probability < 1.0:

@@ -6,26 +6,32 @@ from typing import NamedTuple, Self
 from homsense.pose import Delta
 from homsense.scalar import TURN, cosine, sine
 
+FIRST_M = 30.0
+
 
 class Travel(NamedTuple):
     """Displacement in the frame of the place where the count began; jitter does not add up.
 
     Parameters
     ----------
-    forward_m, left_m : float, default infinite and 0
-        Displacement, metres; infinite before the first weighing.
-    turns : float
+    forward_m, left_m : float, default 0.0
+        Displacement, metres.
+    turns : float, default 0.0
         Change of heading, turns.
+    credit_m : float, default 30.0
+        Counts as way before the first weighing, metres: the first scan is weighed at once, but not
+        so much that an unlucky one rules out the true place.
     """
 
-    forward_m: float = math.inf
+    forward_m: float = 0.0
     left_m: float = 0.0
     turns: float = 0.0
+    credit_m: float = FIRST_M
 
     @property
     def length_m(self) -> float:
-        """Distance, metres."""
-        return math.sqrt(self.forward_m**2 + self.left_m**2)
+        """Distance that counts, metres."""
+        return math.sqrt(self.forward_m**2 + self.left_m**2) + self.credit_m
 
     def onward(self, delta: Delta) -> Self:
         """Return the travel after another motion.
@@ -42,7 +48,7 @@ class Travel(NamedTuple):
 
         Examples
         --------
-        >>> there = Travel(0.0).onward(Delta(3.0, 0.0, math.pi))
+        >>> there = Travel(credit_m=0.0).onward(Delta(3.0, 0.0, math.pi))
         >>> round(there.onward(Delta(3.0)).length_m, 5)
         0.0
         """
@@ -51,4 +57,5 @@ class Travel(NamedTuple):
             self.forward_m + right * delta.forward_m - up * delta.left_m,
             self.left_m + up * delta.forward_m + right * delta.left_m,
             (self.turns + delta.turn_rad / TURN) % 1.0,
+            self.credit_m,
         )

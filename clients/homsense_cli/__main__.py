@@ -107,6 +107,63 @@ def replay(
     run_replay(directory, chosen, Console())
 
 
+bench = typer.Typer(help="Measure; every figure with its controls.", no_args_is_help=True)
+app.add_typer(bench, name="bench")
+
+
+@bench.command()
+def accuracy(
+    city: Annotated[
+        list[str] | None,
+        typer.Option(help="downtown-44, old-town, campus, or a map file; downtown-44."),
+    ] = None,
+    seed: Annotated[list[int] | None, typer.Option(min=0, help="Of each city; 0.")] = None,
+    imu: Annotated[
+        list[str] | None, typer.Option(help="good, moderate, heavy, paper; moderate.")
+    ] = None,
+    recorded: Annotated[
+        Path | None, typer.Option(exists=True, file_okay=False, help="Recorded walks instead.")
+    ] = None,
+    floor: Annotated[list[str] | None, typer.Option(help="Of the recordings; all.")] = None,
+    min_rssi_dbm: Annotated[float, typer.Option(help="Of the recordings, dBm.")] = -60.0,
+    limit: Annotated[int | None, typer.Option(min=1, help="Most walks of a floor.")] = None,
+    runs: Annotated[int, typer.Option(min=1, help="Robots in a world, seeds of a walk.")] = 32,
+    length_m: Annotated[float, typer.Option(min=50.0, help="Way of a robot.")] = 1500.0,
+    particles: Annotated[int, typer.Option(min=1, max=1_000_000)] = 8000,
+    hops: Annotated[list[int] | None, typer.Option(min=0, help="The site's when absent.")] = None,
+    transmitters: Annotated[int, typer.Option(min=1, help="How many there are.")] = 197,
+    s_max_m: Annotated[float, typer.Option(min=1.0, help="Sensing range, metres.")] = 72.0,
+    dropout: Annotated[float, typer.Option(min=0.0, max=0.99, help="Share missed.")] = 0.05,
+    phones: Annotated[int, typer.Option(min=1, help="How many walk.")] = 40,
+    scans: Annotated[int, typer.Option(min=1, help="Scans of each phone.")] = 130,
+    window_m: Annotated[float | None, typer.Option(min=50.0, help="Of footprints.")] = None,
+    out: OutOption = Path("accuracy"),
+) -> None:
+    """Localize many robots from nothing, beside three controls; write accuracy.json."""
+    from homsense_cli.accuracy.bench import Plan, run_bench
+    from homsense_cli.accuracy.scenario import IMUS, Scenario, check_city
+    from homsense_cli.accuracy.walks import Recorded
+
+    cities = [] if recorded is not None and not city else [*(city or ["downtown-44"])]
+    for name in cities:
+        check_city(name)
+    for name in imu or ():
+        if name not in IMUS:
+            message = f"--imu must be one of {', '.join(IMUS)}, not {name!r}"
+            raise ValueError(message)
+    scenarios = tuple(
+        Scenario(name, of, transmitters, s_max_m, dropout, phones, scans, window_m)
+        for name in cities
+        for of in seed or [0]
+    )
+    walks = None
+    if recorded is not None:
+        walks = Recorded(recorded, tuple(floor or ()), min_rssi_dbm, limit=limit)
+    levels = tuple(sorted(set(hops))) if hops else None
+    plan = Plan(scenarios, tuple(imu or ["moderate"]), walks, runs, length_m, particles, levels)
+    run_bench(plan, out, Console())
+
+
 def main() -> None:
     """Run the command line; a failure is one line on standard error."""
     from homsense_client import ClientError

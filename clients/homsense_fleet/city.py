@@ -27,11 +27,14 @@ class City:
         Nodes are (x, y) places; edges are straight and free of buildings.
     district : shapely.Polygon, optional
         Where anybody can be at all, buildings not yet taken out; anywhere when absent.
+    is_open : bool, default False
+        Whether one walks straight to destinations; else along the streets.
     """
 
     buildings: tuple[Polygon, ...]
     roads: "nx.Graph[tuple[float, float]]"
     district: Polygon | None = None
+    is_open: bool = False
 
 
 def downtown(

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from homsense_fleet.routes import walk_positions, wander
 from homsense_fleet.world import World
 
 Rng = np.random.Generator
 FloatArray = NDArray[np.float64]
-Place = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,72 +57,6 @@ class DriveStep:
     travelled_m: float
     delta: dict[str, float]
     scan: list[dict[str, Any]]
-
-
-def wander(world: World, rng: Rng, length_m: float) -> FloatArray:
-    """Return the corners of a random route on the roads.
-
-    Parameters
-    ----------
-    world : World
-        Gives the roads.
-    rng : numpy.random.Generator
-        Chooses the turns.
-    length_m : float
-        Least length, metres.
-
-    Returns
-    -------
-    ndarray, shape (K, 2), float64
-        Corners; the route turns back only where a road ends.
-    """
-    roads = world.city.roads
-    nodes = sorted(roads.nodes)
-    here: Place = nodes[int(rng.integers(len(nodes)))]
-    before: Place | None = None
-    corners = [here]
-    travelled = 0.0
-    while travelled < length_m:
-        ahead = _next_corner(world, rng, before, here)
-        travelled += math.dist(here, ahead)
-        corners.append(ahead)
-        before, here = here, ahead
-    return np.array(corners)
-
-
-def _next_corner(world: World, rng: Rng, before: Place | None, here: Place) -> Place:
-    ways = sorted(place for place in world.city.roads[here] if place != before)
-    if not ways:
-        return before or here
-    if before is not None:
-        straight = (2 * here[0] - before[0], 2 * here[1] - before[1])
-        along = [way for way in ways if math.dist(way, straight) < 0.5 * math.dist(here, before)]
-        if along and rng.random() < 0.6:  # noqa: PLR2004 - drivers mostly go on
-            return along[0]
-    return ways[int(rng.integers(len(ways)))]
-
-
-def walk_positions(corners: FloatArray, spacing_m: float, length_m: float) -> FloatArray:
-    """Return places along a route at equal distances.
-
-    Parameters
-    ----------
-    corners : ndarray, shape (K, 2), float64
-        The route.
-    spacing_m : float
-        Distance between places, metres.
-    length_m : float
-        Where to stop, metres from the start.
-
-    Returns
-    -------
-    ndarray, shape (S, 2), float64
-        Places, the start first.
-    """
-    legs = np.hypot(*np.diff(corners, axis=0).T)
-    at = np.concatenate([[0.0], np.cumsum(legs)])
-    distance = np.arange(0.0, min(length_m, at[-1]) + 1e-9, spacing_m)
-    return np.stack([np.interp(distance, at, corners[:, axis]) for axis in (0, 1)], axis=1)
 
 
 def phone_scans(

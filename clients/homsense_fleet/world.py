@@ -11,7 +11,8 @@ from pyproj import Transformer
 from shapely.geometry import MultiPolygon, Polygon, box, mapping, shape
 from shapely.geometry.base import BaseGeometry
 
-from homsense_fleet.city import City, downtown
+from homsense_fleet.city import City
+from homsense_fleet.styles import STYLES, scaled
 
 Rng = np.random.Generator
 FloatArray = NDArray[np.float64]
@@ -137,8 +138,40 @@ def downtown_44(seed: int, *, n_transmitters: int = 197, radio: Radio | None = N
     World
         A world of 44 buildings.
     """
+    return city_world("downtown-44", seed, n_transmitters=n_transmitters, radio=radio)
+
+
+def city_world(
+    style: str,
+    seed: int,
+    *,
+    n_transmitters: int = 197,
+    radio: Radio | None = None,
+    scale: float = 1.0,
+) -> World:
+    """Return a generated city with its transmitters.
+
+    Parameters
+    ----------
+    style : str
+        One of `homsense_fleet.styles.STYLES`.
+    seed : int
+        Decides the whole world.
+    n_transmitters : int, default 197
+        How many transmitters there are.
+    radio : Radio, optional
+        The radio model.
+    scale : float, default 1.0
+        Size of buildings and streets, to the usual one.
+
+    Returns
+    -------
+    World
+        A world of 44 buildings.
+    """
     rng = np.random.default_rng([seed, 44])
-    return _populate("downtown-44", downtown(rng), rng, n_transmitters, radio or Radio())
+    city = scaled(STYLES[style](rng), scale)
+    return _populate(style, city, rng, n_transmitters, radio or Radio())
 
 
 def world_from_geojson(
@@ -186,7 +219,7 @@ def world_from_geojson(
     if not buildings:
         message = "the map holds no polygon"
         raise ValueError(message)
-    city = City(buildings, _lattice(shapely.union_all(buildings)))
+    city = City(buildings, _lattice(shapely.union_all(buildings)), is_open=True)
     rng = np.random.default_rng([seed, 45])
     return replace(_populate(name, city, rng, n_transmitters, radio or Radio()), origin=origin)
 

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 import shapely
-from homsense_fleet.device import OdometryNoise, drive, phone_scans, walk_positions, wander
+from homsense_fleet.device import OdometryNoise, drive, phone_scans
+from homsense_fleet.routes import walk_positions, wander
 from homsense_fleet.world import Radio, downtown_44, world_from_geojson
 from support.builders import SITE_MAP
 

@@ -1,0 +1,1 @@
+"""How many metres, how often, how honestly: seeded runs with their controls."""

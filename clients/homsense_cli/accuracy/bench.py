@@ -1,0 +1,272 @@
+"""``homsense bench accuracy``: seeded runs side by side with their controls."""
+
+import json
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass
+from itertools import islice
+from pathlib import Path
+from typing import Any, TypeVar
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from homsense_cli.accuracy.run import (
+    CONTROLS,
+    WEAKER,
+    Control,
+    Filter,
+    Track,
+    run_city,
+    run_controls,
+)
+from homsense_cli.accuracy.scenario import IMUS, Scenario
+from homsense_cli.accuracy.scene import Scene, prepare
+from homsense_cli.accuracy.score import Score, score, sign_test
+from homsense_cli.accuracy.walks import Recorded, floor_walks
+
+Result = TypeVar("Result")
+Runs = dict[Control, Track]
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What to measure.
+
+    Parameters
+    ----------
+    scenarios : tuple of Scenario
+        Generated worlds.
+    imus : tuple of str
+        Qualities of own motion in them.
+    recorded : Recorded, optional
+        Recorded walks.
+    runs : int
+        Robots in each world, and seeds of each recorded walk.
+    length_m : float
+        Way of each robot, metres.
+    particles : int
+        Pose hypotheses.
+    hops : tuple of int, optional
+        Neighborhoods; chosen by the site when absent.
+    """
+
+    scenarios: tuple[Scenario, ...] = ()
+    imus: tuple[str, ...] = ("moderate",)
+    recorded: Recorded | None = None
+    runs: int = 32
+    length_m: float = 1500.0
+    particles: int = 8000
+    hops: tuple[int, ...] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One world under one quality of motion: its figures, and how surely they beat a control.
+
+    Parameters
+    ----------
+    world, motion : str
+        For people.
+    site : dict
+        What the site has learnt about itself.
+    scores : dict of str to Score
+        By control.
+    p_value : dict of str to float
+        Sign test against a control.
+    """
+
+    world: str
+    motion: str
+    site: dict[str, Any]
+    scores: dict[Control, Score]
+    p_value: dict[Control, float]
+
+    @classmethod
+    def of(cls, world: str, motion: str, scene: Scene, runs: Sequence[Runs]) -> "Row":
+        """Return the figures of some runs."""
+        tracks = {control: [run[control] for run in runs] for control in CONTROLS}
+        ours = tracks["homology"]
+        return cls(
+            world,
+            motion,
+            scene.describe(),
+            {control: score(of_control) for control, of_control in tracks.items()},
+            {control: sign_test(ours, tracks[control]) for control in WEAKER},
+        )
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the row as JSON data."""
+        return {
+            "world": self.world,
+            "motion": self.motion,
+            "site": self.site,
+            "scores": {control: found.as_json() for control, found in self.scores.items()},
+            "p_value": self.p_value,
+        }
+
+
+def measure(plan: Plan, console: Console) -> list[Row]:
+    """Run everything that a plan asks for, on all cores.
+
+    Parameters
+    ----------
+    plan : Plan
+        What to measure.
+    console : rich.console.Console
+        Where progress goes.
+
+    Returns
+    -------
+    list of Row
+        Worlds in the order of the plan, then floors.
+    """
+    bars = Progress(
+        TextColumn("{task.description:<20}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        console=console,
+    )
+    with bars, ProcessPoolExecutor() as pool:
+        rows = _measure_cities(plan, pool, bars)
+        if plan.recorded is not None:
+            rows += _measure_floors(plan, plan.recorded, pool, bars)
+    return rows
+
+
+def _measure_cities(plan: Plan, pool: ProcessPoolExecutor, bars: Progress) -> list[Row]:
+    preparing = [pool.submit(prepare, scenario, plan.hops) for scenario in plan.scenarios]
+    cities = _finished(bars, "sites tune", preparing)
+    how = Filter(plan.particles)
+    running = [
+        pool.submit(run_city, city, IMUS[imu], run, plan.length_m, how)
+        for city in cities
+        for imu in plan.imus
+        for run in range(plan.runs)
+    ]
+    found = iter(_finished(bars, "robots drive", running))
+    return [
+        Row.of(city.scenario.name, imu, city.scene, list(islice(found, plan.runs)))
+        for city in cities
+        for imu in plan.imus
+    ]
+
+
+def _measure_floors(
+    plan: Plan, recorded: Recorded, pool: ProcessPoolExecutor, bars: Progress
+) -> list[Row]:
+    names = recorded.names()
+    reading = [pool.submit(floor_walks, recorded, name, plan.hops) for name in names]
+    floors = _finished(bars, "floors tune", reading)
+    running = [
+        pool.submit(
+            run_controls, walk.scene, walk.legs, (number, run), Filter(plan.particles, walk.prior)
+        )
+        for walks in floors
+        for number, walk in enumerate(walks)
+        for run in range(plan.runs)
+    ]
+    found = iter(_finished(bars, "phones walk", running))
+    by_floor = [list(islice(found, plan.runs * len(walks))) for walks in floors]
+    rows = [
+        Row.of(name, "steps", walks[0].scene, runs)
+        for name, walks, runs in zip(names, floors, by_floor, strict=True)
+    ]
+    everything = [run for runs in by_floor for run in runs]
+    return [*rows, Row.of("all floors", "steps", floors[0][0].scene, everything)]
+
+
+def _finished(bars: Progress, what: str, futures: Sequence[Future[Result]]) -> list[Result]:
+    task = bars.add_task(what, total=len(futures))
+    for _ in as_completed(futures):
+        bars.advance(task)
+    return [future.result() for future in futures]
+
+
+def table(rows: Sequence[Row], plan: Plan) -> Table:
+    """Return the figures for people.
+
+    Parameters
+    ----------
+    rows : sequence of Row
+        From `measure`.
+    plan : Plan
+        What was measured.
+
+    Returns
+    -------
+    rich.table.Table
+        Four lines a row.
+    """
+    shown = Table(
+        title=(
+            f"{plan.runs} runs a world or walk, {plan.particles} particles, unknown start; "
+            f"robots drive {plan.length_m:.0f} m, their heading unknown too"
+        ),
+        caption=(
+            "run, last fifth: median / 90 % of the error; final: median over the last 300 m, its "
+            "median over the runs; <: share of the runs by that, %; found: way after which it is "
+            "below 25 m for 100 m; in: share of the steps with the truth in the region, %; p: "
+            "sign test that homology beats the control"
+        ),
+    )
+    for heading in ("world", "motion", "measured", *HEADINGS, "p"):
+        shown.add_column(heading, justify="left" if heading in LEFT else "right")
+    for row in rows:
+        for control in CONTROLS:
+            shown.add_row(
+                row.world if control == CONTROLS[0] else "",
+                row.motion if control == CONTROLS[0] else "",
+                control,
+                *cells(row.scores[control]),
+                f"{row.p_value[control]:.1g}" if control in row.p_value else "",
+            )
+        shown.add_section()
+    return shown
+
+
+LEFT = ("world", "motion", "measured")
+HEADINGS = ("run m", "last fifth m", "final m", "<15/25/50 m", "found m", "in 50/90/95 %")
+
+
+def cells(found: Score) -> Iterator[str]:
+    """Yield the figures of one line of a table."""
+    yield f"{found.median_m:.1f} / {found.p90_m:.0f}"
+    yield f"{found.last_median_m:.1f} / {found.last_p90_m:.0f}"
+    yield f"{found.final_median_m:.1f}"
+    yield _percents(found.within_15_m, found.within_25_m, found.within_50_m)
+    yield "never" if found.converged_m is None else f"{found.converged_m:.0f}"
+    yield _percents(found.coverage_50, found.coverage_90, found.coverage_95)
+
+
+def _percents(*shares: float) -> str:
+    return "/".join(f"{100 * share:.0f}" for share in shares)
+
+
+def run_bench(plan: Plan, out: Path, console: Console) -> list[Row]:
+    """Measure, print the table and write ``accuracy.json``.
+
+    Parameters
+    ----------
+    plan : Plan
+        What to measure.
+    out : pathlib.Path
+        Directory of the results.
+    console : rich.console.Console
+        Where progress and the table go.
+
+    Returns
+    -------
+    list of Row
+        In the order of the plan.
+    """
+    rows = measure(plan, console)
+    out.mkdir(parents=True, exist_ok=True)
+    path = out / "accuracy.json"
+    written = {"plan": asdict(plan), "rows": [row.as_json() for row in rows]}
+    path.write_text(json.dumps(written, indent=1, default=str) + "\n")
+    console.print(table(rows, plan))
+    console.print(f"wrote {path}", soft_wrap=True)
+    return rows

@@ -1,0 +1,146 @@
+"""From tracks to figures: errors, shares, convergence, coverage and sign tests."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from scipy.stats import binomtest
+
+from homsense_cli.accuracy.run import Track
+
+LAST_M = 300.0
+LAST_SHARE = 0.2
+WITHIN_M = (15.0, 25.0, 50.0)
+CONVERGED_M, STAYS_M = 25.0, 100.0
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """Figures over some runs.
+
+    Parameters
+    ----------
+    runs : int
+        How many.
+    median_m, p90_m : float
+        Over all steps of all runs, metres.
+    last_median_m, last_p90_m : float
+        Over the last fifth of the steps, metres.
+    final_median_m : float
+        Median over the runs of the median error over the last 300 m, metres.
+    within_15_m, within_25_m, within_50_m : float
+        Share of the runs whose median error over the last 300 m is smaller.
+    converged_m : float, optional
+        Median way after which the error stays below 25 m for 100 m; None when half of the runs
+        never get there, metres.
+    coverage_50, coverage_90, coverage_95 : float
+        Share of the steps with the truth inside the region.
+    """
+
+    runs: int
+    median_m: float
+    p90_m: float
+    last_median_m: float
+    last_p90_m: float
+    final_median_m: float
+    within_15_m: float
+    within_25_m: float
+    within_50_m: float
+    converged_m: float | None
+    coverage_50: float
+    coverage_90: float
+    coverage_95: float
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the figures, rounded to what they are worth."""
+        return {
+            name: round(value, 3) if isinstance(value, float) else value
+            for name, value in asdict(self).items()
+        }
+
+
+def score(tracks: Sequence[Track]) -> Score:
+    """Return the figures of some runs.
+
+    Parameters
+    ----------
+    tracks : sequence of Track
+        At least one.
+
+    Returns
+    -------
+    Score
+        Over all of them.
+    """
+    errors = np.concatenate([track.error_m for track in tracks])
+    last = np.concatenate([track.error_m[-_last(track) :] for track in tracks])
+    final = final_medians(tracks)
+    converged = float(np.median([_converged_m(track) for track in tracks]))
+    inside = np.concatenate([track.inside for track in tracks]).mean(axis=0)
+    in_50, in_90, in_95 = (float(share) for share in inside)
+    within_15, within_25, within_50 = (float(np.mean(final < within)) for within in WITHIN_M)
+    return Score(
+        len(tracks),
+        float(np.median(errors)),
+        float(np.quantile(errors, 0.9)),
+        float(np.median(last)),
+        float(np.quantile(last, 0.9)),
+        float(np.median(final)),
+        within_15,
+        within_25,
+        within_50,
+        converged if math.isfinite(converged) else None,
+        in_50,
+        in_90,
+        in_95,
+    )
+
+
+def final_medians(tracks: Sequence[Track]) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """Return the median error of each run over its last 300 m, or its last fifth if shorter."""
+    return np.array([_final_median(track) for track in tracks])
+
+
+def sign_test(tracks: Sequence[Track], control: Sequence[Track]) -> float:
+    """Return how likely so many runs would beat their control if neither were better.
+
+    Parameters
+    ----------
+    tracks, control : sequence of Track
+        The same runs.
+
+    Returns
+    -------
+    float
+        One-sided probability; equal runs do not count.
+    """
+    ours, theirs = final_medians(tracks), final_medians(control)
+    better, different = int(np.sum(ours < theirs)), int(np.sum(ours != theirs))
+    if not different:
+        return 1.0
+    return float(binomtest(better, different, alternative="greater").pvalue)
+
+
+def _last(track: Track) -> int:
+    return max(1, round(LAST_SHARE * len(track.error_m)))
+
+
+def _final_median(track: Track) -> float:
+    long = track.way_m[-1] > LAST_M / LAST_SHARE - 1.0
+    recent = track.way_m > track.way_m[-1] - LAST_M if long else slice(-_last(track), None)
+    return float(np.median(track.error_m[recent]))
+
+
+def _converged_m(track: Track) -> float:
+    """Return the way after which the error stays small for a while, else infinite."""
+    good_since = math.inf
+    for way, error in zip(track.way_m, track.error_m, strict=True):
+        if error >= CONVERGED_M:
+            good_since = math.inf
+        elif math.isinf(good_since):
+            good_since = way
+        if way - good_since >= STAYS_M:
+            return float(good_since)
+    return math.inf

@@ -1,0 +1,441 @@
+"""What the sensor counts at each place, over all the sites that look like this one from its scans.
+
+Transmitters are placed at random on the map, a random crowd builds their complex, and holes are
+counted everywhere. Over many placements this gives the expected count of each place, its spread,
+how the errors of neighborhoods go together, and the way after which an error is new. What a
+placement has in common everywhere (more holes than others, or larger differences) is taken out
+first, since a site's own scans tell it without any position.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homsense.engine import Engine
+from homsense.errors import InvalidInputError
+from homsense.free_space import FreeSpace
+from homsense.grid import Grid
+from homsense.height import HeightMap
+from homsense.noise import FieldNoise
+from homsense.profiles import Profiles
+from homsense.radio import RadioModel, free_places, placement
+from homsense.sight import in_view
+from homsense.simplicial import LandmarkComplex
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+
+WORLDS = 24
+MOST_HOPS = 8
+_PLACES = 3000
+_LEAST_SPREAD = 0.6
+_SHRUNK = 0.02
+_TRUTHS = 200
+_BIN_M = 5.0
+_FARTHEST_M = 400.0
+_NO_LONGER = 0.05
+_LEAST_GAIN_BITS = 0.1
+
+
+@dataclass(frozen=True)
+class Stage:
+    """Places at which holes are counted: one for each coarse cell that has free space.
+
+    Parameters
+    ----------
+    free_space : FreeSpace
+        Of the map.
+    grid : Grid
+        The coarse cells.
+    cells : ndarray, shape (P,), intp
+        Those with free space.
+    places : ndarray, shape (P, 2), float64
+        The free place nearest to the middle of each, metres.
+    """
+
+    free_space: FreeSpace
+    grid: Grid
+    cells: IntArray
+    places: FloatArray
+
+    @classmethod
+    def of(cls, free_space: FreeSpace) -> Self:
+        """Return some three thousand places, or all the cells of a small map.
+
+        Parameters
+        ----------
+        free_space : FreeSpace
+            Of the map.
+
+        Returns
+        -------
+        Stage
+            Its cells are a whole number of those of the free space wide.
+        """
+        fine = free_space.grid
+        centers = fine.centers()[free_space.free[:-1]]
+        times = max(1, round(np.sqrt(len(centers) / _PLACES)))
+        columns, rows = -(-fine.columns // times), -(-fine.rows // times)
+        grid = Grid(fine.west_m, fine.south_m, times * fine.cell_m, columns, rows)
+        cell = grid.flat_index(centers)
+        from_middle = np.square(centers - grid.centers()[cell]).sum(axis=1)
+        order = np.lexsort((from_middle, cell))
+        cells, first = np.unique(cell[order], return_index=True)
+        return cls(free_space, grid, cells, centers[order[first]])
+
+    def raster(self, values: FloatArray) -> HeightMap:
+        """Return values of the places as a map.
+
+        Parameters
+        ----------
+        values : ndarray, shape (P,), float64
+            One for each place.
+
+        Returns
+        -------
+        HeightMap
+            Not a number where there is no free space.
+        """
+        field = np.full(self.grid.rows * self.grid.columns, np.nan, np.float32)
+        field[self.cells] = values
+        return HeightMap(self.grid, field.reshape(self.grid.shape), None)
+
+
+class World(NamedTuple):
+    """One random placement.
+
+    Parameters
+    ----------
+    holes : ndarray, shape (P, n_levels), float64
+        Mean holes of the landmarks that are heard at each place; not a number where none is.
+    profiles : ndarray, shape (T, n_levels), float64
+        Holes near each landmark.
+    """
+
+    holes: FloatArray
+    profiles: FloatArray
+
+
+def simulate(
+    stage: Stage,
+    radio: RadioModel,
+    hops: Sequence[int],
+    *,
+    worlds: int = WORLDS,
+    seed: int = 0,
+    engine: Engine | None = None,
+) -> Iterator[World]:
+    """Count holes at all places of a map, for one random placement after the other.
+
+    Parameters
+    ----------
+    stage : Stage
+        The places.
+    radio : RadioModel
+        How transmitters are placed and heard.
+    hops : sequence of int
+        Neighborhoods, rising.
+    worlds : int, default 24
+        How many placements.
+    seed : int, default 0
+        Decides them.
+    engine : Engine, optional
+        What runs the hot loops; the fastest by default.
+
+    Yields
+    ------
+    World
+        What is counted.
+    """
+    free_space, names = stage.free_space, list(map(str, range(radio.transmitters)))
+    for world in range(worlds):
+        rng = np.random.Generator(np.random.Philox(key=[seed, world]))
+        where = placement(free_space, rng, radio.transmitters, radio.evenness)
+        crowd = free_places(free_space, rng, radio.scans)
+        heard = radio.heard(in_view(free_space, where, crowd, radio.range_m), rng)
+        scans = [[names[i] for i in seen] for seen in heard.by_place(len(crowd))]
+        grown = LandmarkComplex.from_observations([seen for seen in scans if seen], engine)
+        holes = Profiles(grown, hops).table(names)
+        here = radio.heard(in_view(free_space, where, stage.places, radio.range_m), rng)
+        here = here.kept(~np.isnan(holes[here.transmitter, 0]))
+        n_places = len(stage.places)
+        sums = [
+            np.bincount(here.place, holes[here.transmitter, level], n_places)
+            for level in range(len(hops))
+        ]
+        with np.errstate(invalid="ignore"):
+            means = np.stack(sums, axis=1) / np.bincount(here.place, minlength=n_places)[:, None]
+        yield World(means, holes[~np.isnan(holes[:, 0])])
+
+
+@dataclass(frozen=True)
+class Expectation:
+    """What is to be counted over a map, and how wrong it is.
+
+    Parameters
+    ----------
+    hops : tuple of int
+        The neighborhoods.
+    heights : tuple of HeightMap
+        Mean count of each neighborhood.
+    spreads : tuple of HeightMap
+        Its deviation, holes.
+    usual : tuple of (float, float)
+        Mean and deviation over the landmarks of the holes near each, by neighborhood.
+    correlation : tuple of tuple of float
+        Between the errors of two neighborhoods at a place.
+    correlation_m : float
+        Way after which an error is new, metres.
+    freedom : int
+        Degrees of freedom of the spreads.
+    information_bits : tuple of float
+        What one scan tells about the place when it is weighed with the first so many
+        neighborhoods, mean over free space, bits.
+    """
+
+    hops: tuple[int, ...]
+    heights: tuple[HeightMap, ...]
+    spreads: tuple[HeightMap, ...]
+    usual: tuple[tuple[float, float], ...]
+    correlation: tuple[tuple[float, ...], ...]
+    correlation_m: float
+    freedom: int
+    information_bits: tuple[float, ...]
+
+    @classmethod
+    def of(cls, stage: Stage, hops: Sequence[int], worlds: Sequence[World]) -> Self:
+        """Return what some simulated worlds have in common.
+
+        Parameters
+        ----------
+        stage : Stage
+            Where was counted.
+        hops : sequence of int
+            The neighborhoods.
+        worlds : sequence of World
+            From `simulate`; at least three.
+
+        Returns
+        -------
+        Expectation
+            Of one more world like these.
+
+        Raises
+        ------
+        InvalidInputError
+            If there are too few worlds, or none in which anything is heard.
+        """
+        if len(worlds) < 3:  # noqa: PLR2004 - a spread and what is left of it
+            message = f"an expectation needs at least three worlds, not {len(worlds)}"
+            raise InvalidInputError(message, "worlds")
+        usual = _usual(worlds)
+        counts = np.array([_alike(world, usual) for world in worlds])
+        heard = ~np.isnan(counts[..., 0])
+        if not heard.any():
+            message = "nothing is heard anywhere"
+            raise InvalidInputError(message, "worlds")
+        times = heard.sum(axis=0)[:, None]
+        sums = np.where(heard[..., None], counts, 0.0).sum(axis=0)
+        mean = np.where(times > 0, sums / np.maximum(times, 1), usual[0])
+        off = np.where(heard[..., None], counts - mean, 0.0)
+        variance = np.square(off).sum(axis=0) / np.maximum(times - 1, 1) * (1 + 1 / len(worlds))
+        spread = np.sqrt(np.where(times > 1, variance, usual[1] ** 2) + _LEAST_SPREAD**2)
+        errors = off / spread
+        correlation = _correlation(errors[heard])
+        found = cls(
+            tuple(hops),
+            tuple(stage.raster(mean[:, level]) for level in range(len(hops))),
+            tuple(stage.raster(spread[:, level]) for level in range(len(hops))),
+            tuple(map(tuple, usual.T.tolist())),
+            tuple(map(tuple, correlation.tolist())),
+            _correlation_m(stage.places, errors, correlation),
+            len(worlds) - 1,
+            (),
+        )
+        information = [
+            found._information(counts, heard, mean, spread, level + 1)
+            for level in range(len(hops))
+        ]
+        return replace(found, information_bits=tuple(information))
+
+    @property
+    def best_hops(self) -> tuple[int, ...]:
+        """The neighborhoods worth their cost: each adds a tenth of a bit."""
+        best = 1
+        for level in range(1, len(self.hops)):
+            if self.information_bits[level] >= self.information_bits[best - 1] + _LEAST_GAIN_BITS:
+                best = level + 1
+        return self.hops[:best]
+
+    def narrowed(self, hops: Sequence[int]) -> Self:
+        """Return the same for some of the neighborhoods.
+
+        Parameters
+        ----------
+        hops : sequence of int
+            Among those of the expectation.
+
+        Returns
+        -------
+        Expectation
+            Of these alone.
+        """
+        at = [self.hops.index(radius) for radius in hops]
+        is_first = at == list(range(len(at)))
+        return replace(
+            self,
+            hops=tuple(hops),
+            heights=tuple(self.heights[i] for i in at),
+            spreads=tuple(self.spreads[i] for i in at),
+            usual=tuple(self.usual[i] for i in at),
+            correlation=tuple(tuple(self.correlation[i][j] for j in at) for i in at),
+            information_bits=self.information_bits[: len(at)] if is_first else (),
+        )
+
+    def noise(self, profiles: FloatArray | None = None) -> FieldNoise:
+        """Return the error of a sensor that counts as this one is expected to.
+
+        Parameters
+        ----------
+        profiles : ndarray, shape (T, n_levels), optional
+            Holes near each landmark of a site. They decide gain and offset of the measurement, so
+            that they are distributed as expected; where the landmarks are is not needed.
+
+        Returns
+        -------
+        FieldNoise
+            For the heights followed by the spreads.
+        """
+        gains, offsets = [], []
+        for level, (mean, spread) in enumerate(self.usual):
+            gain, offset = 1.0, 0.0
+            if profiles is not None:
+                gain, offset = _likening(profiles[:, level], mean, spread)
+            gains.append(gain)
+            offsets.append(offset)
+        return FieldNoise(
+            self.correlation, tuple(gains), tuple(offsets), self.freedom, self.correlation_m
+        )
+
+    def _information(
+        self,
+        counts: FloatArray,
+        heard: NDArray[np.bool_],
+        mean: FloatArray,
+        spread: FloatArray,
+        levels: int,
+    ) -> float:
+        """Return what one scan tells when its own world is not among those that are known."""
+        noise = self.narrowed(self.hops[:levels]).noise()
+        told = []
+        for world in range(0, len(counts), max(1, len(counts) // 4)):
+            known = np.flatnonzero(heard[world])
+            times = heard.sum(axis=0)[known, None]
+            own = counts[world, known, :levels]
+            others = (times * mean[known, :levels] - own) / np.maximum(times - 1, 1)
+            fields = np.concatenate([others, spread[known, :levels]], axis=1)
+            truths = np.arange(0, len(known), max(1, len(known) // _TRUTHS))
+            for truth in truths:
+                bits = noise.bits(own[truth], fields)
+                best = bits.max()
+                told.append(bits[truth] - best - np.log2(np.exp2(bits - best).mean()))
+        return float(np.mean(told))
+
+
+def expect(
+    free_space: FreeSpace,
+    radio: RadioModel,
+    hops: Sequence[int] | None = None,
+    *,
+    worlds: int = WORLDS,
+    seed: int = 0,
+    on_world: Callable[[int], None] = lambda _number: None,
+) -> Expectation:
+    """Return what a site's sensor is expected to count.
+
+    Parameters
+    ----------
+    free_space : FreeSpace
+        Of the map.
+    radio : RadioModel
+        What the scans of the site say about its radio.
+    hops : sequence of int, optional
+        Neighborhoods, rising; when absent as many as are worth their cost.
+    worlds : int, default 24
+        How many placements to simulate.
+    seed : int, default 0
+        Decides them.
+    on_world : callable, optional
+        Told how many are done, after each.
+
+    Returns
+    -------
+    Expectation
+        For every place of the map.
+    """
+    stage, tried = Stage.of(free_space), tuple(hops or range(1, MOST_HOPS + 1))
+    found = []
+    for world in simulate(stage, radio, tried, worlds=worlds, seed=seed):
+        found.append(world)
+        on_world(len(found))
+    expected = Expectation.of(stage, tried, found)
+    return expected.narrowed(expected.best_hops) if hops is None else expected
+
+
+def _usual(worlds: Sequence[World]) -> FloatArray:
+    """Return mean and deviation over the landmarks, in the mean over the worlds, by level."""
+    moments = [(w.profiles.mean(axis=0), w.profiles.std(axis=0)) for w in worlds]
+    usual: FloatArray = np.array(moments).mean(axis=0)
+    return usual
+
+
+def _alike(world: World, usual: FloatArray) -> FloatArray:
+    """Return what is counted in a world as if its landmarks had the usual moments."""
+    levels = [
+        _likening(profiles, mean, spread)
+        for profiles, mean, spread in zip(world.profiles.T, *usual, strict=True)
+    ]
+    gains, offsets = np.array(levels).T
+    return np.asarray(offsets + gains * world.holes)
+
+
+def _likening(values: FloatArray, mean: float, spread: float) -> tuple[float, float]:
+    """Return gain and offset that give some values this mean and deviation."""
+    own = float(values.std())
+    gain = spread / own if own > 0.0 and spread > 0.0 else 1.0
+    return gain, mean - gain * float(values.mean())
+
+
+def _correlation(errors: FloatArray) -> FloatArray:
+    """Return the correlation of the columns, a little less than it is so that it has a root."""
+    products = (errors[:, :, None] * errors[:, None, :]).sum(axis=0)
+    deviation = np.sqrt(np.diag(products))
+    correlation = products / np.maximum(np.outer(deviation, deviation), np.finfo(float).tiny)
+    shrunk: FloatArray = (1 - _SHRUNK) * correlation + _SHRUNK * np.eye(len(correlation))
+    np.fill_diagonal(shrunk, 1.0)
+    return shrunk
+
+
+def _correlation_m(places: FloatArray, errors: FloatArray, correlation: FloatArray) -> float:
+    """Return twice the integral of the error's correlation over distance, metres.
+
+    So many metres hold as much as one independent measurement.
+    """
+    independent = errors @ np.linalg.inv(np.linalg.cholesky(correlation)).T
+    power = float(np.square(independent).mean())
+    some = np.arange(0, len(places), max(1, len(places) // _TRUTHS))
+    products = np.zeros(int(_FARTHEST_M / _BIN_M) + 1)
+    pairs = np.zeros_like(products)
+    for place in some:
+        apart = np.sqrt(np.square(places - places[place]).sum(axis=1))
+        which = np.minimum(apart / _BIN_M + 0.5, len(pairs) - 1).astype(np.intp)
+        alike = (independent * independent[:, place, None, :]).mean(axis=(0, 2))
+        products += np.bincount(which, alike, len(pairs))
+        pairs += np.bincount(which, minlength=len(pairs))
+    alike = products[:-1] / np.maximum(pairs[:-1], 1) / power
+    alike[0] = 1.0
+    end = int(np.argmax(alike < _NO_LONGER)) or len(alike)
+    return float(2.0 * _BIN_M * (alike[:end].sum() - 0.5))
