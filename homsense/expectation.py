@@ -7,9 +7,9 @@ placement has in common everywhere (more holes than others, or larger difference
 first, since a site's own scans tell it without any position.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,20 +17,14 @@ from numpy.typing import NDArray
 from homsense.engine import Engine
 from homsense.errors import InvalidInputError
 from homsense.free_space import FreeSpace
-from homsense.grid import Grid
 from homsense.height import HeightMap
 from homsense.noise import FieldNoise
-from homsense.profiles import Profiles
-from homsense.radio import RadioModel, free_places, placement
-from homsense.sight import in_view
-from homsense.simplicial import LandmarkComplex
+from homsense.radio import RadioModel
+from homsense.simulation import WORLDS, Stage, World, simulate
 
 FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
 
-WORLDS = 24
-MOST_HOPS = 8
-_PLACES = 3000
+HOPS = tuple(range(1, 9))
 _LEAST_SPREAD = 0.6
 _SHRUNK = 0.02
 _TRUTHS = 200
@@ -38,137 +32,6 @@ _BIN_M = 5.0
 _FARTHEST_M = 400.0
 _NO_LONGER = 0.05
 _LEAST_GAIN_BITS = 0.1
-
-
-@dataclass(frozen=True)
-class Stage:
-    """Places at which holes are counted: one for each coarse cell that has free space.
-
-    Parameters
-    ----------
-    free_space : FreeSpace
-        Of the map.
-    grid : Grid
-        The coarse cells.
-    cells : ndarray, shape (P,), intp
-        Those with free space.
-    places : ndarray, shape (P, 2), float64
-        The free place nearest to the middle of each, metres.
-    """
-
-    free_space: FreeSpace
-    grid: Grid
-    cells: IntArray
-    places: FloatArray
-
-    @classmethod
-    def of(cls, free_space: FreeSpace) -> Self:
-        """Return some three thousand places, or all the cells of a small map.
-
-        Parameters
-        ----------
-        free_space : FreeSpace
-            Of the map.
-
-        Returns
-        -------
-        Stage
-            Its cells are a whole number of those of the free space wide.
-        """
-        fine = free_space.grid
-        centers = fine.centers()[free_space.free[:-1]]
-        times = max(1, round(np.sqrt(len(centers) / _PLACES)))
-        columns, rows = -(-fine.columns // times), -(-fine.rows // times)
-        grid = Grid(fine.west_m, fine.south_m, times * fine.cell_m, columns, rows)
-        cell = grid.flat_index(centers)
-        from_middle = np.square(centers - grid.centers()[cell]).sum(axis=1)
-        order = np.lexsort((from_middle, cell))
-        cells, first = np.unique(cell[order], return_index=True)
-        return cls(free_space, grid, cells, centers[order[first]])
-
-    def raster(self, values: FloatArray) -> HeightMap:
-        """Return values of the places as a map.
-
-        Parameters
-        ----------
-        values : ndarray, shape (P,), float64
-            One for each place.
-
-        Returns
-        -------
-        HeightMap
-            Not a number where there is no free space.
-        """
-        field = np.full(self.grid.rows * self.grid.columns, np.nan, np.float32)
-        field[self.cells] = values
-        return HeightMap(self.grid, field.reshape(self.grid.shape), None)
-
-
-class World(NamedTuple):
-    """One random placement.
-
-    Parameters
-    ----------
-    holes : ndarray, shape (P, n_levels), float64
-        Mean holes of the landmarks that are heard at each place; not a number where none is.
-    profiles : ndarray, shape (T, n_levels), float64
-        Holes near each landmark.
-    """
-
-    holes: FloatArray
-    profiles: FloatArray
-
-
-def simulate(
-    stage: Stage,
-    radio: RadioModel,
-    hops: Sequence[int],
-    *,
-    worlds: int = WORLDS,
-    seed: int = 0,
-    engine: Engine | None = None,
-) -> Iterator[World]:
-    """Count holes at all places of a map, for one random placement after the other.
-
-    Parameters
-    ----------
-    stage : Stage
-        The places.
-    radio : RadioModel
-        How transmitters are placed and heard.
-    hops : sequence of int
-        Neighborhoods, rising.
-    worlds : int, default 24
-        How many placements.
-    seed : int, default 0
-        Decides them.
-    engine : Engine, optional
-        What runs the hot loops; the fastest by default.
-
-    Yields
-    ------
-    World
-        What is counted.
-    """
-    free_space, names = stage.free_space, list(map(str, range(radio.transmitters)))
-    for world in range(worlds):
-        rng = np.random.Generator(np.random.Philox(key=[seed, world]))
-        where = placement(free_space, rng, radio.transmitters, radio.evenness)
-        crowd = free_places(free_space, rng, radio.scans)
-        heard = radio.heard(in_view(free_space, where, crowd, radio.range_m), rng)
-        scans = [[names[i] for i in seen] for seen in heard.by_place(len(crowd))]
-        grown = LandmarkComplex.from_observations([seen for seen in scans if seen], engine)
-        holes = Profiles(grown, hops).table(names)
-        here = radio.heard(in_view(free_space, where, stage.places, radio.range_m), rng)
-        here = here.kept(~np.isnan(holes[here.transmitter, 0]))
-        n_places = len(stage.places)
-        sums = [
-            np.bincount(here.place, holes[here.transmitter, level], n_places)
-            for level in range(len(hops))
-        ]
-        with np.errstate(invalid="ignore"):
-            means = np.stack(sums, axis=1) / np.bincount(here.place, minlength=n_places)[:, None]
-        yield World(means, holes[~np.isnan(holes[:, 0])])
 
 
 @dataclass(frozen=True)
@@ -345,13 +208,14 @@ class Expectation:
         return float(np.mean(told))
 
 
-def expect(
+def expect(  # noqa: PLR0913 - all that a simulation takes
     free_space: FreeSpace,
     radio: RadioModel,
-    hops: Sequence[int] | None = None,
+    hops: Sequence[int] = HOPS,
     *,
     worlds: int = WORLDS,
     seed: int = 0,
+    engine: Engine | None = None,
     on_world: Callable[[int], None] = lambda _number: None,
 ) -> Expectation:
     """Return what a site's sensor is expected to count.
@@ -362,12 +226,14 @@ def expect(
         Of the map.
     radio : RadioModel
         What the scans of the site say about its radio.
-    hops : sequence of int, optional
-        Neighborhoods, rising; when absent as many as are worth their cost.
+    hops : sequence of int, default 1 to 8
+        Neighborhoods, rising; see `Expectation.best_hops`.
     worlds : int, default 24
         How many placements to simulate.
     seed : int, default 0
         Decides them.
+    engine : Engine, optional
+        What runs the hot loops; the fastest by default.
     on_world : callable, optional
         Told how many are done, after each.
 
@@ -376,13 +242,12 @@ def expect(
     Expectation
         For every place of the map.
     """
-    stage, tried = Stage.of(free_space), tuple(hops or range(1, MOST_HOPS + 1))
+    stage, tried = Stage.of(free_space), tuple(hops)
     found = []
-    for world in simulate(stage, radio, tried, worlds=worlds, seed=seed):
+    for world in simulate(stage, radio, tried, worlds=worlds, seed=seed, engine=engine):
         found.append(world)
         on_world(len(found))
-    expected = Expectation.of(stage, tried, found)
-    return expected.narrowed(expected.best_hops) if hops is None else expected
+    return Expectation.of(stage, tried, found)
 
 
 def _usual(worlds: Sequence[World]) -> FloatArray:
@@ -404,6 +269,8 @@ def _alike(world: World, usual: FloatArray) -> FloatArray:
 
 def _likening(values: FloatArray, mean: float, spread: float) -> tuple[float, float]:
     """Return gain and offset that give some values this mean and deviation."""
+    if not len(values):
+        return 1.0, 0.0
     own = float(values.std())
     gain = spread / own if own > 0.0 and spread > 0.0 else 1.0
     return gain, mean - gain * float(values.mean())

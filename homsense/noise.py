@@ -138,7 +138,7 @@ class FieldNoise:
     >>> noise = FieldNoise(((1.0, 0.5), (0.5, 1.0)), (1.0, 1.0), (0.0, 0.0), 20.0, 80.0)
     >>> expected_then_spread = np.array([[3.0, 7.0, 1.0, 2.0], [5.0, 9.0, 1.0, 2.0]])
     >>> noise.bits([3, 7], expected_then_spread).round(2).tolist()
-    [-3.0, -6.46]
+    [-3.0, -5.89]
     """
 
     correlation: tuple[tuple[float, ...], ...]

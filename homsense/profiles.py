@@ -58,15 +58,11 @@ class Profiles:
         Returns
         -------
         Profiles
-            Of the later complex.
+            Of the later complex; they remember together with these.
         """
         later = Profiles(grown, self.hops, without)
         if without == self._without:
-            later._found = {
-                landmark: found
-                for landmark, found in list(self._found.items())
-                if all(level.holds_in(grown) for level in found)
-            }
+            later._found = self._found
         return later
 
     def holes(self, landmark: str) -> tuple[int, ...]:
@@ -83,7 +79,7 @@ class Profiles:
             One count for each radius.
         """
         found = self._found.get(landmark)
-        if found is None:
+        if found is None or not found[-1].holds_in(self._grown):
             found = sense_local_homology(self._grown, [landmark], self.hops, without=self._without)
             self._found[landmark] = found
         return tuple(level.holes for level in found)
@@ -106,6 +102,22 @@ class Profiles:
             return None
         holes = np.array([self.holes(landmark) for landmark in known])
         return tuple(holes.mean(axis=0).tolist())
+
+    def sampled(self, most: int = 500) -> NDArray[np.float64]:
+        """Return the holes near each landmark, or near some when there are many.
+
+        Parameters
+        ----------
+        most : int, default 500
+            How many at most.
+
+        Returns
+        -------
+        ndarray, shape (T, n_levels), float64
+            The same landmarks each time.
+        """
+        known = sorted(self._grown.landmarks - self._without)
+        return self.table(known[:: max(1, -(-len(known) // most))])
 
     def table(self, landmarks: Sequence[str]) -> NDArray[np.float64]:
         """Return the holes near each of some landmarks.

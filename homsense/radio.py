@@ -143,7 +143,12 @@ def placement(free_space: FreeSpace, rng: Rng, count: int, evenness: int) -> Flo
 
 
 def estimate_radio(
-    free_space: FreeSpace, observations: Sequence[frozenset[str]], *, seed: int = 0
+    free_space: FreeSpace,
+    observations: Sequence[frozenset[str]],
+    *,
+    transmitters: int | None = None,
+    scans: int | None = None,
+    seed: int = 0,
 ) -> RadioModel:
     """Learn range, dropout and evenness from unlabeled scans by simulated moments.
 
@@ -153,6 +158,8 @@ def estimate_radio(
         Of the site's map.
     observations : sequence of frozenset of str
         What scans have heard; empty ones are ignored.
+    transmitters, scans : int, optional
+        How many the site has, when the observations are a sample.
     seed : int, default 0
         Decides the placements that are tried.
 
@@ -172,24 +179,25 @@ def estimate_radio(
         message = "nothing can be learnt from no scans"
         raise InvalidInputError(message, "observations")
     names = {name: number for number, name in enumerate(sorted(set().union(*heard)))}
+    count = max(len(names), transmitters or 0)
     rng = np.random.Generator(np.random.Philox(key=seed))
-    most = max(50, min(MOST_SCANS, _MOST_PAIRS // len(names), len(heard)))
+    most = max(50, min(MOST_SCANS, _MOST_PAIRS // count, len(heard)))
     some = [heard[i] for i in rng.permutation(len(heard))[:most]]
     scan = np.repeat(np.arange(len(some)), [len(observation) for observation in some])
     what = np.array([names[name] for observation in some for name in sorted(observation)])
     observed = _looks(scan, what, len(names))
     tried = product(EVENNESS, DROPOUTS)
     models = (
-        _Fitted.of(free_space, rng, observed, len(names), evenness, dropout)
+        _Fitted.of(free_space, rng, observed, count, evenness, dropout)
         for evenness, dropout in tried
     )
     best = min(models, key=lambda fitted: fitted.misfit)
     return RadioModel(
-        len(names),
+        count,
         max(1, round(best.range_m / _RANGE_STEP_M)) * _RANGE_STEP_M,
         best.dropout,
         best.evenness,
-        min(MOST_CROWD, len(heard)),
+        min(MOST_CROWD, scans or len(heard)),
     )
 
 

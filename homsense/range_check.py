@@ -62,6 +62,7 @@ def range_curve(
     cuts_dbm: Sequence[float] | None = None,
     *,
     max_age_s: float | None = None,
+    most_in_view: float = math.inf,
     engine: Engine | None = None,
 ) -> list[RangePoint]:
     """Return what the complex would be at each of some cuts.
@@ -74,6 +75,8 @@ def range_curve(
         Falling cuts, dBm; by default -45, -48 and so on down to the weakest reading.
     max_age_s : float, optional
         Oldest sighting that counts, seconds.
+    most_in_view : float, optional
+        Cuts at which scans see more landmarks in the mean are left out.
     engine : Engine, optional
         What runs the hot loops; the fastest by default.
 
@@ -104,12 +107,15 @@ def range_curve(
         [visible_landmarks(scan, min_rssi_dbm=cut, max_age_s=max_age_s) for scan in heard]
         for cut in cuts_dbm
     ]
+    in_view = [sum(map(len, observations)) / max(1, len(heard)) for observations in seen]
+    kept = sum(size <= most_in_view for size in in_view)
+    cuts_dbm, seen = cuts_dbm[:kept], seen[:kept]
     complexes = [LandmarkComplex.from_observations(observations, engine) for observations in seen]
     stages = nested_homology(complexes, engine)
     return [
         RangePoint(
             cut,
-            sum(map(len, seen[at])) / max(1, len(heard)),
+            in_view[at],
             complexes[at].n_landmarks,
             complexes[at].n_facets,
             stages.betti(at),

@@ -107,6 +107,17 @@ def replay(
     run_replay(directory, chosen, Console())
 
 
+@app.command()
+def doctor(
+    site: Annotated[str, typer.Argument(help="A site with a map and scans.")],
+    url: Annotated[str, typer.Option(help="The service.")] = "http://127.0.0.1:8080",
+) -> None:
+    """Tell whether counting holes helps on a site, why, and what could be set."""
+    from homsense_cli.doctor import run_doctor
+
+    run_doctor(url, site, Console())
+
+
 bench = typer.Typer(help="Measure; every figure with its controls.", no_args_is_help=True)
 app.add_typer(bench, name="bench")
 

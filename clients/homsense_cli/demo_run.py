@@ -2,19 +2,22 @@
 
 import asyncio
 import math
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
 from statistics import median
 from typing import Any
 
 import numpy as np
-from homsense_client import AsyncClient, Client, Complex, Pose, Session
+from homsense_client import AsyncClient, Client, Complex, Expectation, Pose, Session
 from homsense_fleet.device import DriveStep, drive
 from homsense_fleet.driver import Crowd, map_site
 from homsense_fleet.world import World
 
 LAST_M = 300.0
 SNAPSHOTS = 4
+NEAR_AND_FAR = (2, 3)
+POLL_S = 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +30,7 @@ class Moment:
         Way so far, metres.
     truth : tuple of float
         True (x, y, heading).
-    holes : tuple of int, optional
+    holes : tuple of float, optional
         The measurement.
     error_m : float
         Distance from the top mode to the truth, metres.
@@ -37,9 +40,15 @@ class Moment:
 
     travelled_m: float
     truth: tuple[float, float, float]
-    holes: tuple[int, ...] | None
+    holes: tuple[float, ...] | None
     error_m: float
     baseline_m: float
+
+    def showing(self, levels: Sequence[int]) -> "Moment":
+        """Return the moment with some of its counts."""
+        if self.holes is None:
+            return self
+        return replace(self, holes=tuple(self.holes[level] for level in levels))
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +134,7 @@ def drive_robot(
     snapshots : list of Snapshot
         Spread evenly over the drive.
     hops : tuple of int
-        Neighborhoods whose holes were counted.
+        Neighborhoods that the moments tell of.
     """
     steps = list(drive(world, np.random.default_rng([seed, 2]), length_m=length_m))
     pictured = {round((i + 1) * len(steps) / SNAPSHOTS) for i in range(SNAPSHOTS)} | {1}
@@ -142,7 +151,25 @@ def drive_robot(
                 visible = [entry["id"] for entry in step.scan]
                 particles = robot.particles(2000)
                 snapshots.append(Snapshot(step.travelled_m, step.truth, visible, particles))
-        return moments, snapshots, robot.info.hops
+        shown = near_and_far(robot.info.hops)
+        at = [robot.info.hops.index(radius) for radius in shown]
+        return [moment.showing(at) for moment in moments], snapshots, shown
+
+
+def near_and_far(hops: tuple[int, ...]) -> tuple[int, ...]:
+    """Return the paper's near and far where both are counted, else the first two."""
+    return NEAR_AND_FAR if {*NEAR_AND_FAR} <= {*hops} else hops[:2]
+
+
+def learn(client: Client, site: str, on_world: Callable[[int, int], None]) -> Expectation:
+    """Wait until a site has simulated what its sensor counts; return what it has learnt."""
+    told = client.expect(site)
+    while told.state == "building":
+        on_world(told.done, told.of)
+        time.sleep(POLL_S)
+        told = client.expectation(site)
+    on_world(told.done, told.of)
+    return told
 
 
 def _advance(robot: Session, blind: Session, step: DriveStep) -> Moment:

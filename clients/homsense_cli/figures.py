@@ -78,7 +78,7 @@ def height_maps(run: Mapping[str, Any]) -> Figure:
         values[~_free(site_map, height)] = np.nan
         picture = ax.imshow(values, origin="lower", extent=extent, cmap="viridis")
         _draw_walls(ax, site_map, color="#ffffff", edge="#6b7078")
-        _plain(ax, site_map, f"{label}, $r_{{geo}}$ = {height['r_geo_m']:.0f} m")
+        _plain(ax, site_map, f"{label}, {_source(height)}")
         figure.colorbar(picture, ax=ax, label="expected holes", shrink=0.75)
     return figure
 
@@ -121,7 +121,7 @@ def measurement_error(run: Mapping[str, Any]) -> Figure:
     figure, (upper, lower) = plt.subplots(2, 1, figsize=(7.2, 4.6), sharex=True)
     levels = zip(run["height_maps"], _labels(run), (NEAR, FAR, TRUTH, SEEN), strict=False)
     for index, (height, label, color) in enumerate(levels):
-        expected = _as_height_map(height).at(truth, interpolation="bilinear")
+        expected = _as_height_map(height).at(truth)
         measured = np.array([np.nan if m["holes"] is None else m["holes"][index] for m in moments])
         upper.plot(way, np.abs(measured - expected), color=color, linewidth=1.0, label=label)
     upper.set_ylabel("absolute error, holes")
@@ -183,6 +183,11 @@ def _majorize(places: FloatArray, distance: FloatArray) -> FloatArray:
 def _labels(run: Mapping[str, Any]) -> list[str]:
     names = ["near", "far"] if len(run["hops"]) == 2 else ["level"] * len(run["hops"])  # noqa: PLR2004
     return [f"{name} ({hops} hops)" for name, hops in zip(names, run["hops"], strict=True)]
+
+
+def _source(height: Mapping[str, Any]) -> str:
+    r_geo_m = height["r_geo_m"]
+    return "simulated" if r_geo_m is None else f"$r_{{geo}}$ = {r_geo_m:.0f} m"
 
 
 def _raster(height: Mapping[str, Any]) -> tuple[FloatArray, tuple[float, float, float, float]]:

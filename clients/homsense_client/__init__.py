@@ -2,6 +2,7 @@
 
 from homsense_client._async_client import AsyncClient, AsyncSession
 from homsense_client._client import Client, Session
+from homsense_client._learnt import Diagnosis, Expectation, Finding, Learnt
 from homsense_client._models import (
     Complex,
     Level,
@@ -36,7 +37,11 @@ __all__ = [
     "ConflictError",
     "ConnectError",
     "ContractError",
+    "Diagnosis",
+    "Expectation",
+    "Finding",
     "InvalidRequestError",
+    "Learnt",
     "Level",
     "LocalHomology",
     "MapInfo",

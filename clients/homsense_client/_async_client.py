@@ -7,6 +7,7 @@ from typing import Any, Self
 
 import httpx
 
+from homsense_client import _learnt as learnt
 from homsense_client import _models as models
 from homsense_client import _protocol as protocol
 from homsense_client._retry import Retry, is_transient
@@ -108,6 +109,18 @@ class AsyncClient:
     ) -> models.LocalHomology:
         """Count the holes near a scan; options are `r_pseudo_m`, `lasting` and `cycles`."""
         return await self.send(protocol.local_homology(site, landmarks, hops, options))
+
+    async def expectation(self, site: str) -> learnt.Expectation:
+        """Read how far the simulation of the sensor is, and what it has taught."""
+        return await self.send(protocol.get_expectation(site))
+
+    async def expect(self, site: str) -> learnt.Expectation:
+        """Begin to simulate what the sensor counts."""
+        return await self.send(protocol.post_expectation(site))
+
+    async def diagnosis(self, site: str) -> learnt.Diagnosis:
+        """Judge a site: whether counting holes helps, and what could be set."""
+        return await self.send(protocol.get_diagnosis(site))
 
     async def height_map(self, site: str, hops: int) -> dict[str, Any]:
         """Read the expected holes over the map."""

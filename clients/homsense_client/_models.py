@@ -199,7 +199,7 @@ class Pose:
     status: str
     modes: tuple[Mode, ...]
     region_area_m2: dict[str, float]
-    holes: tuple[int, ...] | None
+    holes: tuple[float, ...] | None
     ess: float
     relocation_p: float
     map_version: str
@@ -240,7 +240,9 @@ class SessionInfo:
     map_version: str
     seed: int
     hops: tuple[int, ...]
-    r_geo_m: tuple[float, ...]
+    expected: str
+    r_geo_m: tuple[float, ...] | None
+    correlation_m: float
     pose: Pose
 
     @classmethod
@@ -252,6 +254,8 @@ class SessionInfo:
             data["map_version"],
             data["seed"],
             tuple(data["hops"]),
-            tuple(data["r_geo_m"]),
+            data["expected"],
+            None if data["r_geo_m"] is None else tuple(data["r_geo_m"]),
+            data["correlation_m"],
             Pose.from_json(data["pose"]),
         )

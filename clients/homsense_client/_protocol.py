@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 from urllib.parse import quote
 
+from homsense_client import _learnt as learnt
 from homsense_client import _models as models
 from homsense_client.errors import (
     ConflictError,
@@ -136,6 +137,21 @@ def local_homology(
         body["hops"] = list(hops)
     path = _site(site, "local-homology")
     return Call("POST", path, models.LocalHomology.from_json, body)
+
+
+def get_expectation(site: str) -> Call[learnt.Expectation]:
+    """Read how far the simulation of the sensor is."""
+    return Call("GET", _site(site, "expectation"), learnt.Expectation.from_json)
+
+
+def post_expectation(site: str) -> Call[learnt.Expectation]:
+    """Begin to simulate the sensor; doing it again changes nothing."""
+    return Call("POST", _site(site, "expectation"), learnt.Expectation.from_json)
+
+
+def get_diagnosis(site: str) -> Call[learnt.Diagnosis]:
+    """Judge a site."""
+    return Call("GET", _site(site, "diagnosis"), learnt.Diagnosis.from_json)
 
 
 def height_map(site: str, hops: int) -> Call[dict[str, Any]]:

@@ -21,6 +21,8 @@ from homsense_service.problems import (
     problem,
 )
 
+UNAVAILABLE = 503
+
 _log = logging.getLogger(__name__)
 
 
@@ -65,7 +67,9 @@ async def _http_error(_request: Request, error: Exception) -> JSONResponse:
 async def _known_error(_request: Request, error: Exception) -> JSONResponse:
     path = getattr(error, "field", None)
     fields = None if path is None else [(path, str(error))]
-    return _answer(kind_of(error), str(error), fields)
+    kind = kind_of(error)
+    headers = {"Retry-After": "5"} if kind.status == UNAVAILABLE else None
+    return _answer(kind, str(error), fields, headers)
 
 
 async def _internal(request: Request, error: Exception) -> JSONResponse:

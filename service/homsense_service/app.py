@@ -12,7 +12,7 @@ from homsense_service import answers
 from homsense_service.bodies import BoundedBodies
 from homsense_service.metrics import Metrics, TimedRequests
 from homsense_service.operations import Operations
-from homsense_service.routes import health, scans, sessions, sites
+from homsense_service.routes import expectations, health, scans, sessions, sites
 from homsense_service.schemas import Problem
 from homsense_service.sessions import SessionTable
 from homsense_service.settings import Settings
@@ -43,14 +43,17 @@ def create_app(
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         store = open_store(chosen.data)
+        warming = Warming(chosen.engine)
+        registry = None
         try:
-            warming = Warming(chosen.engine)
             registry = SiteRegistry(store, chosen, warming.engine, time.time)
             table = SessionTable(chosen.max_sessions, warming.backend)
             app.state.operations = Operations(registry, table, chosen)
             app.state.metrics = Metrics(lambda: len(registry.all()), lambda: len(table))
             yield
         finally:
+            if registry is not None:
+                registry.close()
             store.close()
 
     app = FastAPI(
@@ -63,7 +66,7 @@ def create_app(
     answers.install(app)
     app.add_middleware(TimedRequests)
     app.add_middleware(BoundedBodies, max_bytes=chosen.max_body_bytes)
-    for module in (health, sites, scans, sessions):
+    for module in (health, sites, expectations, scans, sessions):
         app.include_router(module.router)
     _describe_problems(app)
     return app

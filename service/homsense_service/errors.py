@@ -25,5 +25,13 @@ class CapacityError(ServiceError):
     """The service holds as many sessions as it may."""
 
 
+class ExpectationPendingError(ServiceError):
+    """What the sensor counts on this map is still being simulated."""
+
+
+class ExpectationFailedError(ServiceError):
+    """What the sensor counts on this map cannot be simulated."""
+
+
 class StoreError(ServiceError):
     """The data directory cannot be used."""

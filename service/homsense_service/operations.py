@@ -1,19 +1,23 @@
 """What the service does. Every rim parses, calls one of these, and renders the answer."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TypeVar
 
 import homsense
 from homsense_service import schemas
+from homsense_service.expecting import Expecting, Sensor
 from homsense_service.records import StoredScan
 from homsense_service.sessions import Fix, Session, SessionTable, Step
 from homsense_service.settings import Settings
-from homsense_service.sites import Site, SiteRegistry
+from homsense_service.site import Site
+from homsense_service.sites import SiteRegistry
 from homsense_service.versions import MapVersion
 
 Answer = TypeVar("Answer")
+
+_MOST_IN_VIEW = 60.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,29 +96,58 @@ class Operations:
         if question.r_pseudo_m is not None:
             levels = site.sense_within(visible, question.r_pseudo_m)
         else:
-            hops = tuple(question.hops or site.config.hops)
+            hops = tuple(question.hops or site.config.near_and_far)
             levels = site.sense(visible, hops, lasting=question.lasting)
         is_raw = site.config.quorum == 1 and not site.complex.quarantine
         raw = levels if is_raw else site.sense_raw(visible, levels)
         return Sensed(site, visible, levels, raw)
 
+    def expect(self, name: str) -> Expecting:
+        """Begin to simulate what the sensor of a site counts, if that is not known."""
+        site = self.sites.get(name)
+        site.expecting.refresh(site.question())
+        return site.expecting
+
+    def diagnose(self, name: str) -> homsense.Diagnosis:
+        """Judge a site by what it has learnt about itself."""
+        site = self.sites.get(name)
+        question = site.question()
+        learnt = site.expecting.learnt(question, self._settings.expectation_wait_s)
+        scans = self.sites.some_scans(site)
+        heard = [reading for scan in scans for reading in site.readings(scan.readings)]
+        seen = [(scan.device, site.visible(scan.readings)) for scan in scans]
+        config = site.config
+        return homsense.diagnose(
+            question.map_version.site_map,
+            learnt.radio,
+            learnt.expectation,
+            in_view=sum(len(visible) for _, visible in seen) / max(1, len(seen)),
+            curve=self.sites.range_curve(site, scans, most_in_view=_MOST_IN_VIEW),
+            min_rssi_dbm=config.min_rssi_dbm,
+            median_witnesses=homsense.median_witnesses(seen),
+            quorum=config.quorum,
+            stale_share=_stale_share(heard, config.min_rssi_dbm, config.max_age_s),
+        )
+
     def open_session(self, name: str, request: schemas.SessionIn) -> Session:
         """Start localizing a device on a site."""
         site = self.sites.get(name)
         version = site.require_map()
-        hops = tuple(request.sensor.hops or site.config.hops)
-        config = request.to_localizer_config(self._settings.cell_m)
-        heights = site.heights(hops)
-        localizer = _localizer(site, version, heights, config)
-        return self.sessions.open(site, version, localizer, hops, request.seed)
+        sensor = site.sensor(request.sensor.hops, request.sensor.expected)
+        config = request.to_localizer_config(self._settings.cell_m, sensor.noise)
+        localizer = _localizer(site, version, sensor, config)
+        return self.sessions.open(site, version, localizer, sensor, request.seed)
 
     def move_session(self, name: str) -> Session:
         """Let a session go on with the current map of its site."""
         session = self.sessions.get(name)
         version = session.site.require_map()
-        heights = session.site.heights(session.hops)
+        sensor = session.site.sensor(session.sensor.hops, session.sensor.expected)
         config = session.localizer.config
-        session.migrate(version, _localizer(session.site, version, heights, config))
+        if sensor.noise is not None:
+            config = replace(config, noise=sensor.noise)
+        localizer = _localizer(session.site, version, sensor, config)
+        session.migrate(version, sensor, localizer)
         return session
 
     def take_steps(
@@ -134,18 +167,30 @@ class Operations:
         return scan.to_stored(self._settings.max_landmarks_per_scan)
 
 
+def _stale_share(
+    heard: Sequence[homsense.Reading], min_rssi_dbm: float | None, max_age_s: float | None
+) -> float:
+    counting = [
+        reading.age_s > homsense.USUAL_AGE_S
+        for reading in heard
+        if (max_age_s is None or reading.age_s <= max_age_s)
+        and (min_rssi_dbm is None or (reading.rssi_dbm or min_rssi_dbm) >= min_rssi_dbm)
+    ]
+    return sum(counting) / max(1, len(counting))
+
+
 def _localizer(
     site: Site,
     version: MapVersion,
-    heights: list[homsense.HeightMap],
+    sensor: Sensor,
     config: homsense.LocalizerConfig,
 ) -> homsense.Localizer:
     return homsense.Localizer(
         version.site_map,
-        heights,
+        sensor.heights,
         config,
         free_space=version.free_space,
-        code_map=site.code_map(version, heights),
+        code_map=site.code_map(version, sensor.heights),
     )
 
 

@@ -34,6 +34,10 @@ KINDS: dict[type[Exception], Kind] = {
     errors.MapMissingError: Kind(409, "map_missing", "The site has no map"),
     errors.SequenceConflictError: Kind(409, "sequence_conflict", "The step cannot be applied"),
     errors.CapacityError: Kind(503, "capacity", "The service is full"),
+    errors.ExpectationPendingError: Kind(503, "expectation_pending", "Not ready yet"),
+    errors.ExpectationFailedError: Kind(
+        409, "expectation_failed", "The sensor cannot be simulated"
+    ),
     errors.StoreError: Kind(503, "store", "The store cannot be used"),
     homsense.InvalidMapError: Kind(422, "invalid_map", "The map is not valid"),
     homsense.InvalidScanError: Kind(422, "invalid_scan", "The scan is not valid"),

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import Any, Literal
 
+NEAR_AND_FAR = (2, 3)
+
 
 @dataclass(frozen=True, slots=True)
 class SiteConfig:
@@ -14,8 +16,11 @@ class SiteConfig:
         For people.
     s_max_m : float
         Sensing range, metres; need not be precise.
-    hops : tuple of int
-        Radii of the neighborhoods whose holes are counted, rising.
+    hops : tuple of int, optional
+        Radii of the neighborhoods whose holes are counted, rising; chosen by the site when
+        absent.
+    expected : {"simulated", "geometric"}
+        How counts are expected.
     landmark_key : {"bssid", "ssid"}
         Hardware addresses are compared in lower case with colons; names as they are.
     min_rssi_dbm : float, optional
@@ -39,7 +44,8 @@ class SiteConfig:
 
     name: str = ""
     s_max_m: float = 80.0
-    hops: tuple[int, ...] = (2, 3)
+    hops: tuple[int, ...] | None = None
+    expected: Literal["simulated", "geometric"] = "simulated"
     landmark_key: Literal["bssid", "ssid"] = "bssid"
     min_rssi_dbm: float | None = None
     max_age_s: float | None = None
@@ -49,6 +55,11 @@ class SiteConfig:
     r_geo_m: tuple[float, ...] | None = None
     distance: Literal["euclidean", "geodesic"] = "euclidean"
     origin: tuple[float, float] | None = None
+
+    @property
+    def near_and_far(self) -> tuple[int, ...]:
+        """The neighborhoods of the paper's sensor."""
+        return self.hops or NEAR_AND_FAR
 
 
 @dataclass(frozen=True, slots=True)

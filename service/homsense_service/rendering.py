@@ -16,9 +16,10 @@ import homsense
 from homsense.cycles import round_holes
 from homsense.skeleton import n_edges, skeleton
 from homsense_service import schemas
+from homsense_service.expecting import Sensor
 from homsense_service.operations import Sensed
 from homsense_service.sessions import Fix, Session
-from homsense_service.sites import Site
+from homsense_service.site import Site
 from homsense_service.versions import ComplexVersion, MapVersion, WitnessCheck
 
 LEVELS = (0.5, 0.9, 0.95)
@@ -187,25 +188,35 @@ def _level(
     )
 
 
-def render_height_map(height: homsense.HeightMap, hops: int) -> schemas.HeightMapOut:
-    """Return a height map as numbers."""
+def render_height_map(sensor: Sensor) -> schemas.HeightMapOut:
+    """Return the height map of a sensor with one neighborhood as numbers."""
+    height, *spreads = sensor.heights
     grid = height.grid
     return schemas.HeightMapOut(
-        hops=hops,
+        hops=sensor.hops[0],
+        expected=sensor.expected,
         r_geo_m=height.r_geo_m,
         cell_m=grid.cell_m,
         west_m=grid.west_m,
         south_m=grid.south_m,
         columns=grid.columns,
         rows=grid.rows,
-        values=height.values.astype(float).tolist(),
+        values=_rows(height),
+        spread=_rows(spreads[0]) if spreads else None,
     )
+
+
+def _rows(height: homsense.HeightMap) -> list[list[float | None]]:
+    return [
+        [None if math.isnan(value) else value for value in row] for row in height.values.tolist()
+    ]
 
 
 def render_height_png(height: homsense.HeightMap) -> bytes:
     """Return a height map as a grey picture, north up, white for the most holes."""
-    top = max(1.0, float(height.values.max()))
-    pixels = np.round(255.0 * height.values[::-1] / top).astype(np.uint8)
+    values = np.nan_to_num(height.values[::-1])
+    top = max(1.0, float(values.max()))
+    pixels = np.round(255.0 * values / top).astype(np.uint8)
     buffer = io.BytesIO()
     Image.fromarray(pixels).save(buffer, format="PNG")
     return buffer.getvalue()
@@ -238,7 +249,7 @@ def render_pose(session: Session, fix: Fix) -> schemas.PoseOut:
         region_area_m2={f"{level:.0%}": pose.region_area_m2(level) for level in LEVELS},
         measurement=None
         if fix.holes is None
-        else schemas.MeasurementOut(hops=list(session.hops), holes=list(fix.holes)),
+        else schemas.MeasurementOut(hops=list(session.sensor.hops), holes=list(fix.holes)),
         health=_health(fix),
         digest=fix.state.digest(),
         map_version=session.map_version.digest,
@@ -253,10 +264,17 @@ def render_session(session: Session) -> schemas.SessionOut:
         site=session.site.name,
         map_version=session.map_version.digest,
         seed=session.seed,
-        hops=list(session.hops),
-        r_geo_m=[height.r_geo_m for height in session.localizer.heights],
+        hops=list(session.sensor.hops),
+        expected=session.sensor.expected,
+        r_geo_m=_radii(session.sensor),
+        correlation_m=session.localizer.config.noise.correlation_m,
         pose=render_pose(session, session.fix),
     )
+
+
+def _radii(sensor: Sensor) -> list[float] | None:
+    radii = [height.r_geo_m for height in sensor.heights if height.r_geo_m is not None]
+    return radii or None
 
 
 def render_particles(pose: homsense.PoseDistribution, count: int) -> schemas.ParticlesOut:

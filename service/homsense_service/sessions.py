@@ -10,8 +10,9 @@ from typing import Any, TypeVar
 import homsense
 from homsense.backend import Backend, fastest
 from homsense_service.errors import CapacityError, SequenceConflictError, SessionNotFoundError
+from homsense_service.expecting import Sensor
 from homsense_service.own_motion import Motion, OwnMotion
-from homsense_service.sites import Site
+from homsense_service.site import Site
 from homsense_service.versions import MapVersion
 
 _REMEMBERED = 1024
@@ -31,7 +32,7 @@ class Fix:
         Time of the step as the device gave it, seconds.
     pose : homsense.PoseDistribution
         What is known.
-    holes : tuple of int, optional
+    holes : tuple of float, optional
         The measurement that was used.
     state : homsense.LocalizerState
         What the filter remembers.
@@ -40,7 +41,7 @@ class Fix:
     seq: int
     t: float | None
     pose: homsense.PoseDistribution
-    holes: tuple[int, ...] | None
+    holes: tuple[float, ...] | None
     state: homsense.LocalizerState
 
 
@@ -79,8 +80,8 @@ class Session:
         The map it was opened on; a later map does not change it.
     localizer : homsense.Localizer
         The filter.
-    hops : tuple of int
-        Neighborhoods whose holes are counted.
+    sensor : Sensor
+        How it measures.
     seed : int
         Key of its random numbers.
     backend : callable
@@ -93,7 +94,7 @@ class Session:
         site: Site,
         map_version: MapVersion,
         localizer: homsense.Localizer,
-        hops: tuple[int, ...],
+        sensor: Sensor,
         *,
         seed: int,
         backend: Callable[[], Backend],
@@ -102,7 +103,7 @@ class Session:
         self.site = site
         self.map_version = map_version
         self.localizer = localizer
-        self.hops = hops
+        self.sensor = sensor
         self.seed = seed
         self._backend = backend
         self._lock = threading.Lock()
@@ -153,12 +154,12 @@ class Session:
             _forget_oldest(self._answers)
             return given
 
-    def migrate(self, version: MapVersion, localizer: homsense.Localizer) -> None:
+    def migrate(self, version: MapVersion, sensor: Sensor, localizer: homsense.Localizer) -> None:
         """Go on with another map: particles stay, those that it has no room for lose weight."""
         with self._lock:
             if version.digest == self.map_version.digest:
                 return
-            self.map_version, self.localizer = version, localizer
+            self.map_version, self.sensor, self.localizer = version, sensor, localizer
             state = localizer.migrate(self._fix.state)
             self._fix = replace(self._fix, pose=localizer.estimate(state), state=state)
             self._answers.clear()
@@ -179,10 +180,7 @@ class Session:
         duration = 1.0
         if step.t is not None and self._fix.t is not None:
             duration = max(0.0, step.t - self._fix.t)
-        levels = self.site.sense(step.visible, self.hops) if step.visible else None
-        holes = None
-        if levels is not None and levels[0].n_landmarks:
-            holes = tuple(level.holes for level in levels)
+        holes = self.site.count(step.visible, self.sensor) if step.visible else None
         delta, self._own_motion = self._own_motion.onward(step.motion, duration)
         self.localizer = self.localizer.run_by(self._backend())
         state, pose = self.localizer.step(self._fix.state, delta, holes)
@@ -218,14 +216,14 @@ class SessionTable:
         site: Site,
         map_version: MapVersion,
         localizer: homsense.Localizer,
-        hops: tuple[int, ...],
+        sensor: Sensor,
         seed: int | None,
     ) -> Session:
         """Start a session; draw a seed when none is given."""
         chosen = secrets.randbits(64) if seed is None else seed
         name = secrets.token_urlsafe(12)
         session = Session(
-            name, site, map_version, localizer, hops, seed=chosen, backend=self._backend
+            name, site, map_version, localizer, sensor, seed=chosen, backend=self._backend
         )
         with self._lock:
             if len(self._sessions) >= self._capacity:

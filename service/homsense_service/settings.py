@@ -26,8 +26,16 @@ class Settings(BaseSettings):
         description="What counts holes: numba once it is compiled, the reference, or numba only.",
     )
     max_sessions: int = Field(default=1000, ge=1, description="Live sessions at once.")
+    expectation_scans: int = Field(
+        default=50, ge=1, description="Scans from which on counts are expected by simulation."
+    )
+    expectation_wait_s: float = Field(
+        default=20.0,
+        ge=0.0,
+        description="Longest wait of a new session for the simulation, seconds.",
+    )
     calibration_scans: int = Field(
-        default=200, ge=1, description="Scans whose counts calibrate the geodetic radius."
+        default=1500, ge=1, description="Scans that a site learns its radio and radii from."
     )
     cell_m: float = Field(default=2.0, gt=0.0, description="Resolution of the walls, metres.")
     height_cell_m: float = Field(

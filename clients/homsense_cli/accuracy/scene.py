@@ -9,6 +9,7 @@ from homsense_fleet.device import phone_scans
 from homsense_fleet.world import World
 
 from homsense import (
+    HOPS,
     Expectation,
     FieldNoise,
     FreeSpace,
@@ -136,7 +137,8 @@ def tuned(
         Without any position.
     """
     radio = estimate_radio(free_space, crowd, seed=seed)
-    return radio, expect(free_space, radio, hops, seed=seed)
+    expected = expect(free_space, radio, hops or HOPS, seed=seed)
+    return radio, expected.narrowed(hops or expected.best_hops)
 
 
 def prepare(scenario: Scenario, hops: Sequence[int] | None = None) -> CityScene:

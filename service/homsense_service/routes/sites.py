@@ -72,7 +72,7 @@ def get_height_map(
     request: Request,
 ) -> schemas.HeightMapOut | Response:
     """Return the height map of a neighborhood: numbers, or a picture for ``image/png``."""
-    (height,) = operations.sites.get(site).heights([hops])
+    sensor = operations.sites.get(site).sensor([hops])
     if "image/png" in request.headers.get("accept", ""):
-        return Response(rendering.render_height_png(height), media_type="image/png")
-    return rendering.render_height_map(height, hops)
+        return Response(rendering.render_height_png(sensor.heights[0]), media_type="image/png")
+    return rendering.render_height_map(sensor)

@@ -1,5 +1,11 @@
 """The wire: what requests and answers look like, and how they become values."""
 
+from homsense_service.schemas.expectations import (
+    DiagnosisOut,
+    ExpectationOut,
+    FindingOut,
+    LearntOut,
+)
 from homsense_service.schemas.operation import FieldError, HealthzOut, InfoOut, Problem
 from homsense_service.schemas.poses import (
     BestPose,
@@ -65,9 +71,12 @@ __all__ = [
     "BestPose",
     "ComplexOut",
     "DeltaIn",
+    "DiagnosisOut",
     "Dropped",
     "DroppedScan",
+    "ExpectationOut",
     "FieldError",
+    "FindingOut",
     "GaussianIn",
     "HeadingIn",
     "HeadingOut",
@@ -80,6 +89,7 @@ __all__ = [
     "ImuIn",
     "InfoOut",
     "Landmarks",
+    "LearntOut",
     "Level",
     "LocalHomologyIn",
     "LocalHomologyOut",

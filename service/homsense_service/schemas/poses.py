@@ -38,7 +38,9 @@ class MeasurementOut(Wire):
     """What the sensor counted."""
 
     hops: list[int]
-    holes: list[int]
+    holes: list[float] = Field(
+        description="Of the visible set; the mean over its landmarks when simulated."
+    )
 
 
 class HealthOut(Wire):
@@ -81,7 +83,9 @@ class SessionOut(Wire):
     map_version: str
     seed: int
     hops: list[int]
-    r_geo_m: list[float]
+    expected: Literal["simulated", "geometric"]
+    r_geo_m: list[float] | None = Field(description="null when simulated.")
+    correlation_m: float = Field(description="Way after which the error is new, metres.")
     pose: PoseOut
 
 

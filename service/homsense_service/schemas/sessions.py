@@ -1,5 +1,6 @@
 """Session requests on the wire."""
 
+from dataclasses import replace
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
@@ -95,20 +96,34 @@ class SensorIn(Wire):
 
     type: Literal["homology", "auto"] = "homology"
     hops: HopList | None = Field(default=None, description="The site's when absent.")
-    sigma: float = Field(
-        default=_NOISE.sigma, gt=0, le=1e6, description="Deviation of a count, holes."
+    expected: Literal["simulated", "geometric"] | None = Field(
+        default=None, description="How counts are expected; the site's when absent."
     )
-    floor: float = Field(default=_NOISE.floor, ge=0, lt=1, description="Share that says nothing.")
-    correlation_m: float = Field(
-        default=_NOISE.correlation_m,
+    sigma: float = Field(
+        default=_NOISE.sigma,
         gt=0,
         le=1e6,
-        description="Way after which the error is new, metres.",
+        description="Deviation of a count, holes; geometric only.",
+    )
+    floor: float = Field(
+        default=_NOISE.floor, ge=0, lt=1, description="Share that says nothing; geometric only."
+    )
+    correlation_m: float | None = Field(
+        default=None,
+        gt=0,
+        le=1e6,
+        description="Way after which the error is new, metres; when absent as simulated, or "
+        f"{_NOISE.correlation_m:.0f}.",
     )
 
-    def to_noise(self) -> homsense.CountNoise:
+    def to_noise(self, of_site: homsense.FieldNoise | None) -> homsense.Noise:
         """Return the value."""
-        return homsense.CountNoise(self.sigma, self.floor, self.correlation_m)
+        if of_site is None:
+            correlation_m = self.correlation_m or _NOISE.correlation_m
+            return homsense.CountNoise(self.sigma, self.floor, correlation_m)
+        if self.correlation_m is None:
+            return of_site
+        return replace(of_site, correlation_m=self.correlation_m)
 
 
 class RelocationIn(Wire):
@@ -189,12 +204,14 @@ class SessionIn(Wire):
         description="A device that has moved less learns nothing from another scan, metres.",
     )
 
-    def to_localizer_config(self, cell_m: float) -> homsense.LocalizerConfig:
+    def to_localizer_config(
+        self, cell_m: float, noise: homsense.FieldNoise | None
+    ) -> homsense.LocalizerConfig:
         """Return the value."""
         return homsense.LocalizerConfig(
             particles=self.particles,
             motion=self.motion.to_model(),
-            noise=self.sensor.to_noise(),
+            noise=self.sensor.to_noise(noise),
             prior=_prior(self.prior),
             resample_below=self.resample_below,
             scheme=self.scheme,

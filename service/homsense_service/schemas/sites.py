@@ -4,7 +4,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, StringConstraints, model_validator
 
-from homsense_service.records import SiteConfig
+import homsense
+from homsense_service.records import NEAR_AND_FAR, SiteConfig
 from homsense_service.schemas.wire import HopList, Origin, Wire
 
 MAX_QUORUM = 4
@@ -23,8 +24,9 @@ class SiteIn(Wire):
 
     name: Annotated[str, StringConstraints(max_length=200)] = ""
     s_max_m: float = Field(default=80.0, gt=0, le=100_000, description="Sensing range, metres.")
-    hops: HopList = Field(
-        default=[2, 3], description="Neighborhoods whose holes are counted; near and far."
+    hops: HopList | None = Field(
+        default=None,
+        description="Neighborhoods whose holes are counted; chosen by the site when absent.",
     )
     landmark_key: Literal["bssid", "ssid"] = Field(
         default="bssid",
@@ -48,8 +50,10 @@ class SiteIn(Wire):
     retention: Retention | None = Field(
         default=None, description="How long scans count; for ever when absent."
     )
-    expected: Literal["geometric"] = Field(
-        default="geometric", description="How counts are expected: structures within r_geo."
+    expected: Literal["simulated", "geometric"] = Field(
+        default="simulated",
+        description="How counts are expected: by simulating sites like this one, or as structures "
+        "within r_geo.",
     )
     distance: Literal["euclidean", "geodesic"] = Field(
         default="euclidean", description="Distance to a structure: straight, or as one walks."
@@ -62,10 +66,14 @@ class SiteIn(Wire):
 
     @model_validator(mode="after")
     def _consistent(self) -> "SiteIn":
-        if sorted(set(self.hops)) != self.hops:
+        hops = self.hops or list(NEAR_AND_FAR)
+        if sorted(set(hops)) != hops:
             message = "hops must rise"
             raise ValueError(message)
-        if self.r_geo_m is not None and len(self.r_geo_m) != len(self.hops):
+        if self.hops and self.expected == "simulated" and not {*self.hops} <= {*homsense.HOPS}:
+            message = f"simulated counts are of hops {homsense.HOPS[0]} to {homsense.HOPS[-1]}"
+            raise ValueError(message)
+        if self.r_geo_m is not None and len(self.r_geo_m) != len(hops):
             message = "r_geo_m must hold one radius for each of hops"
             raise ValueError(message)
         return self
@@ -75,7 +83,8 @@ class SiteIn(Wire):
         return SiteConfig(
             name=self.name,
             s_max_m=self.s_max_m,
-            hops=tuple(self.hops),
+            hops=None if self.hops is None else tuple(self.hops),
+            expected=self.expected,
             landmark_key=self.landmark_key,
             min_rssi_dbm=self.min_rssi_dbm,
             max_age_s=self.max_age_s,
@@ -95,7 +104,8 @@ class SiteIn(Wire):
         return cls(
             name=config.name,
             s_max_m=config.s_max_m,
-            hops=list(config.hops),
+            hops=None if config.hops is None else list(config.hops),
+            expected=config.expected,
             landmark_key=config.landmark_key,
             min_rssi_dbm=config.min_rssi_dbm,
             max_age_s=config.max_age_s,
@@ -145,10 +155,14 @@ class HeightMapOut(Wire):
     """Expected holes over the map, row by row from the south-west corner."""
 
     hops: int
-    r_geo_m: float
+    expected: Literal["simulated", "geometric"]
+    r_geo_m: float | None = Field(description="null when simulated.")
     cell_m: float
     west_m: float
     south_m: float
     columns: int
     rows: int
-    values: list[list[float]]
+    values: list[list[float | None]] = Field(description="null where nobody can be.")
+    spread: list[list[float | None]] | None = Field(
+        description="Deviation of the counts; null when geometric."
+    )

@@ -2,7 +2,7 @@
 
 from homsense_service.records import SiteConfig, StoredReading, StoredScan
 from homsense_service.settings import Settings
-from homsense_service.sites import Site
+from homsense_service.site import Site
 
 NOW_S = 1000.0
 

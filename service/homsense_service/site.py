@@ -1,0 +1,266 @@
+"""A site in memory: map, complex and what is derived from them."""
+
+import hashlib
+import threading
+from collections import OrderedDict
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from itertools import islice
+from typing import Any, Literal
+
+import homsense
+from homsense.engine import Engine, fastest
+from homsense_service.errors import MapMissingError
+from homsense_service.expecting import Builder, Expecting, Question, Sensor, simulated_sensor
+from homsense_service.records import SiteConfig, StoredReading, StoredScan
+from homsense_service.settings import Settings
+from homsense_service.versions import ComplexVersion, MapVersion
+
+_SENSE_CACHE = 4096
+_COUNTED = 200
+
+
+class Site:
+    """A mapped place. Reading needs no lock: versions are immutable and replaced whole."""
+
+    def __init__(
+        self,
+        name: str,
+        config: SiteConfig,
+        settings: Settings,
+        engine: Callable[[], Engine] = fastest,
+        builder: Builder | None = None,
+    ) -> None:
+        self.name = name
+        self.config = config
+        self.map: MapVersion | None = None
+        self.writing = threading.Lock()
+        self._settings = settings
+        self._engine = engine
+        self._sample: dict[bytes, frozenset[str]] = {}
+        self.complex = self._nothing(generation=0)
+        self._sensed: OrderedDict[
+            tuple[frozenset[str], frozenset[str], tuple[int, ...], bool],
+            list[homsense.LocalHomology],
+        ] = OrderedDict()
+        self._heights: dict[tuple[Any, ...], homsense.HeightMap] = {}
+        self._profiles: dict[tuple[int, ...], homsense.Profiles] = {}
+        self.expecting = Expecting(builder or Builder(engine))
+        self._codes: tuple[tuple[homsense.HeightMap, ...], homsense.CodeMap] | None = None
+        self._caching = threading.Lock()
+        self._deriving = threading.Lock()
+
+    def forget(self) -> None:
+        """Start again from no scan; the caller holds `writing`."""
+        self.complex = self._nothing(generation=self.complex.generation + 1)
+        self._sample = {}
+        self._profiles = {}
+        with self._caching:
+            self._sensed.clear()
+
+    def _nothing(self, generation: int) -> ComplexVersion:
+        empty = homsense.WitnessFiltration(self.config.quorum, self._engine())
+        return ComplexVersion(homsense.EpochFiltration(empty), 0, frozenset(), generation)
+
+    def readings(self, stored: Iterable[StoredReading]) -> list[homsense.Reading]:
+        """Return readings whose identifiers compare as the site's configuration says."""
+        key = self.config.landmark_key
+        return [homsense.Reading(_canonical(r.landmark, key), r.rssi_dbm, r.age_s) for r in stored]
+
+    def visible(self, stored: Iterable[StoredReading]) -> frozenset[str]:
+        """Return the landmarks that count as visible under the site's configuration."""
+        return homsense.visible_landmarks(
+            self.readings(stored),
+            min_rssi_dbm=self.config.min_rssi_dbm,
+            max_age_s=self.config.max_age_s,
+        )
+
+    def absorb(self, scans: Sequence[StoredScan], now_s: float) -> ComplexVersion:
+        """Join scans that still count into the complex; the caller holds `writing`."""
+        observations = [self.visible(scan.readings) for scan in scans]
+        self._keep_sample(scans, observations)
+        now = self.complex
+        before = now.epochs.run_by(self._engine())
+        first, current = self._epochs_that_count(now_s)
+        kept = before.since(first)
+        seen = [
+            (min(epoch, current), scan.device, visible)
+            for scan, visible in zip(scans, observations, strict=True)
+            if (epoch := self._epoch(scan.observed_at)) >= first
+        ]
+        grown = kept.with_observations(seen)
+        depth = self.config.quorum
+        changed = grown.merged.level(depth) is not before.merged.level(depth)
+        fresh = ComplexVersion(
+            grown,
+            now.number + len(scans),
+            now.devices.union(scan.device for scan in scans),
+            now.generation + changed,
+            now.quarantine,
+        )
+        if changed and self.config.quarantine:
+            touched = now.left_out.union(*observations) if kept is before else None
+            found = homsense.displaced(fresh.landmark_complex, touched)
+            fresh = replace(fresh, quarantine=tuple(found))
+        self.complex = fresh
+        return fresh
+
+    def _epoch(self, moment_s: float) -> int:
+        return 0 if self.config.retention is None else int(moment_s // self.config.retention[0])
+
+    def _epochs_that_count(self, now_s: float) -> tuple[int, int]:
+        """Return the first and the current one; later scans count as current."""
+        current = self._epoch(now_s)
+        count = 1 if self.config.retention is None else self.config.retention[1]
+        return current + 1 - count, current
+
+    def _keep_sample(
+        self, scans: Sequence[StoredScan], observations: Sequence[frozenset[str]]
+    ) -> None:
+        """Keep the scans with the smallest hashes: uniform, and the same in any order."""
+        sample = dict(self._sample)
+        for scan, visible in zip(scans, observations, strict=True):
+            if visible:
+                key = f"{scan.device}\0{scan.scan_id}".encode()
+                sample[hashlib.blake2b(key, digest_size=16).digest()] = visible
+        kept = sorted(sample)[: self._settings.calibration_scans]
+        self._sample = {key: sample[key] for key in kept}
+
+    def sense(
+        self, visible: frozenset[str], hops: tuple[int, ...], *, lasting: bool = False
+    ) -> list[homsense.LocalHomology]:
+        """Return the local homology of a visible set, counted once until it can have changed."""
+        current = self.complex
+        grown = current.landmark_complex.run_by(self._engine())
+        left_out = current.left_out
+        key = (grown.names(grown.numbers(visible - left_out)), left_out, hops, lasting)
+        found = self._sensed.get(key)
+        if found is None or not all(level.holds_in(grown) for level in found):
+            found = homsense.sense_local_homology(
+                grown, key[0], hops, lasting=lasting, without=left_out
+            )
+        with self._caching:
+            self._sensed[key] = found
+            self._sensed.move_to_end(key)
+            while len(self._sensed) > _SENSE_CACHE:
+                self._sensed.popitem(last=False)
+        return found
+
+    def sense_within(
+        self, visible: frozenset[str], r_pseudo_m: Sequence[float]
+    ) -> list[homsense.LocalHomology]:
+        """Return the local homology within some pseudo-distances."""
+        current = self.complex
+        grown = current.landmark_complex.run_by(self._engine())
+        return homsense.sense_within(
+            grown, visible, r_pseudo_m, self.config.s_max_m, without=current.left_out
+        )
+
+    def sense_raw(
+        self, visible: frozenset[str], levels: Sequence[homsense.LocalHomology]
+    ) -> list[homsense.LocalHomology]:
+        """Return the same neighborhoods in the complex of all that any device has seen."""
+        raw = self.complex.raw.run_by(self._engine())
+        hops = [level.hops for level in levels if level.hops is not None]
+        if hops:
+            return homsense.sense_local_homology(raw, visible, hops)
+        radii = [level.r_pseudo_m for level in levels if level.r_pseudo_m is not None]
+        return homsense.sense_within(raw, visible, radii, self.config.s_max_m)
+
+    def require_map(self) -> MapVersion:
+        """Return the map or raise `MapMissingError`."""
+        if self.map is None:
+            message = f"the site {self.name!r} has no map; put one first"
+            raise MapMissingError(message)
+        return self.map
+
+    def profiles(self, hops: tuple[int, ...]) -> homsense.Profiles:
+        """Return the holes near each landmark of the complex as it is now."""
+        current = self.complex
+        known = self._profiles.get(hops)
+        grown = current.landmark_complex.run_by(self._engine())
+        if known is None:
+            found = homsense.Profiles(grown, hops, current.left_out)
+        else:
+            found = known.onward(grown, current.left_out)
+        self._profiles[hops] = found
+        return found
+
+    def count(self, visible: frozenset[str], sensor: Sensor) -> tuple[float, ...] | None:
+        """Return what a sensor makes of a visible set; None when the complex knows none of it."""
+        if sensor.expected == "simulated":
+            return self.profiles(sensor.hops).mean_holes(visible)
+        levels = self.sense(visible, sensor.hops)
+        return tuple(level.holes for level in levels) if levels[0].n_landmarks else None
+
+    def sensor(
+        self,
+        hops: Sequence[int] | None = None,
+        expected: Literal["simulated", "geometric"] | None = None,
+    ) -> Sensor:
+        """Return how sessions measure now; a site with few scans is geometric."""
+        wanted = hops or self.config.hops
+        enough = len(self._sample) >= self._settings.expectation_scans
+        if (expected or self.config.expected) == "geometric" or not enough:
+            near_and_far = tuple(wanted or self.config.near_and_far)
+            with self._deriving:
+                heights = tuple(self._height(radius) for radius in near_and_far)
+            return Sensor("geometric", near_and_far, heights)
+        if wanted is not None and not {*wanted} <= {*homsense.HOPS}:
+            message = f"simulated counts are of hops {homsense.HOPS[0]} to {homsense.HOPS[-1]}"
+            raise homsense.InvalidConfigurationError(message, "sensor.hops")
+        learnt = self.expecting.learnt(self.question(), self._settings.expectation_wait_s)
+        return simulated_sensor(learnt, wanted, self.profiles)
+
+    def question(self) -> Question:
+        """Return what the expectation depends on."""
+        now = self.complex
+        return Question(
+            self.require_map(),
+            tuple(self._sample.values()),
+            now.landmark_complex.n_landmarks,
+            now.number,
+        )
+
+    def code_map(
+        self, current: MapVersion, heights: tuple[homsense.HeightMap, ...]
+    ) -> homsense.CodeMap:
+        """Return height maps of the current map as one look-up table."""
+        with self._deriving:
+            if self._codes is None or self._codes[0] != heights:
+                self._codes = heights, homsense.CodeMap.of(current.free_space, heights)
+            return self._codes[1]
+
+    def _height(self, hops: int) -> homsense.HeightMap:
+        current, config = self.require_map(), self.config
+        generation = self.complex.generation if config.r_geo_m is None else None
+        key = (current.digest, config, generation, hops)
+        if key not in self._heights:
+            self._heights = {k: v for k, v in self._heights.items() if k[:3] == key[:3]}
+            self._heights[key] = homsense.HeightMap.geometric(
+                current.site_map,
+                self._r_geo(current, hops),
+                cell_m=self._settings.height_cell_m,
+                distance=config.distance,
+            )
+        return self._heights[key]
+
+    def _r_geo(self, current: MapVersion, hops: int) -> float:
+        """Return the radius that is set, or calibrated, or as far as the hops can reach."""
+        config = self.config
+        if config.r_geo_m is not None and hops in config.near_and_far:
+            return config.r_geo_m[config.near_and_far.index(hops)]
+        counts = self._calibration_counts(hops)
+        if not any(counts):
+            return max(1, hops) * config.s_max_m
+        return homsense.calibrate_r_geo(current.site_map, current.free_space, counts)
+
+    def _calibration_counts(self, hops: int) -> list[int]:
+        levels = tuple(sorted({*self.config.near_and_far, hops}))
+        at = levels.index(hops)
+        some = islice(self._sample.values(), _COUNTED)
+        return [self.sense(visible, levels)[at].holes for visible in some]
+
+
+def _canonical(landmark: str, key: str) -> str:
+    return landmark.lower().replace("-", ":") if key == "bssid" else landmark
