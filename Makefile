@@ -37,11 +37,12 @@ unit: $(READY) ## unit, property, contract and integration tests with coverage
 	@$(BIN)/coverage combine --quiet
 	@$(BIN)/coverage report --skip-covered
 
-proof: $(READY) ## slow proof: exactness against GUDHI, calibration and recovery, the demo over ten seeds
+proof: $(READY) ## slow proof: exactness, calibration, recovery, ten demos, accuracy; DATA=folder of recorded data
 	$(BIN)/python benchmarks/exactness.py
 	$(BIN)/python benchmarks/same_bits.py
 	$(BIN)/python benchmarks/calibration.py
 	$(BIN)/python benchmarks/demo_seeds.py
+	$(BIN)/python benchmarks/accuracy.py $(DATA)
 
 .venv-peers/.ready: $(READY) requirements-peers.lock
 	$(PYTHON) -m venv .venv-peers

@@ -8,7 +8,7 @@ from homsense.adaptive import KldSampling
 from homsense.calibration import calibrate_r_geo
 from homsense.code_map import CodeMap
 from homsense.configuration import LocalizerConfig
-from homsense.diagnosis import USUAL_AGE_S, Diagnosis, Finding, diagnose
+from homsense.diagnosis import Diagnosis, Finding, diagnose
 from homsense.epochs import EpochFiltration
 from homsense.errors import (
     ComputationLimitError,
@@ -20,7 +20,7 @@ from homsense.errors import (
     InvalidScanError,
 )
 from homsense.estimate import PoseDistribution
-from homsense.expectation import HOPS, Expectation, expect
+from homsense.expectation import Expectation, expect
 from homsense.free_space import FreeSpace
 from homsense.grid import Grid
 from homsense.height import HeightMap
@@ -43,7 +43,6 @@ from homsense.relation import VisibilityRelation
 from homsense.scan import Reading, visible_landmarks
 from homsense.sensing import LocalHomology, sense_local_homology, sense_within
 from homsense.simplicial import LandmarkComplex
-from homsense.simulation import WORLDS
 from homsense.site_map import SiteMap
 from homsense.witness import WitnessFiltration
 from homsense.witness_check import (
@@ -54,9 +53,6 @@ from homsense.witness_check import (
 )
 
 __all__ = [
-    "HOPS",
-    "USUAL_AGE_S",
-    "WORLDS",
     "AugmentedMcl",
     "CodeMap",
     "ComputationLimitError",

@@ -17,6 +17,8 @@ GOOD_RANGE, LONG_RANGE = 0.8, 1.0
 GOOD_BITS, FEW_BITS = 2.0, 0.75
 FEW_IN_VIEW, MANY_IN_VIEW = 3.0, 60.0
 USUAL_AGE_S = 3.0
+UNLIKE = 2.0
+_ORDER: tuple[Verdict, ...] = ("good", "doubtful", "bad")
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +73,7 @@ def diagnose(  # noqa: PLR0913 - all that is known of a site
     median_witnesses: float | None = None,
     quorum: int = 1,
     stale_share: float = 0.0,
+    gains: Sequence[float] = (),
 ) -> Diagnosis:
     """Judge a site by what it has learnt about itself.
 
@@ -94,6 +97,8 @@ def diagnose(  # noqa: PLR0913 - all that is known of a site
         The quorum in force.
     stale_share : float, default 0.0
         Share of the readings that count and are older than three seconds.
+    gains : sequence of float, optional
+        Of the sensor, as `Expectation.noise` finds them from the site's own profiles.
 
     Returns
     -------
@@ -107,9 +112,11 @@ def diagnose(  # noqa: PLR0913 - all that is known of a site
         *_curve(curve, min_rssi_dbm),
         _staleness(stale_share),
         *_witnesses(median_witnesses, quorum),
+        *_likeness(gains),
         _information(expected),
     ]
-    verdict = findings[-1].verdict
+    decisive = [one.verdict for one in findings if one.topic in {"likeness", "information"}]
+    verdict = max(decisive, key=_ORDER.index)
     words = {
         "good": "counting holes tells places apart on this site",
         "doubtful": "counting holes helps a little; expect slow convergence",
@@ -206,6 +213,26 @@ def _witnesses(median: float | None, quorum: int) -> list[Finding]:
     if wanted <= quorum:
         return [Finding("witnesses", "good", text)]
     return [Finding("witnesses", "doubtful", text, f"quorum {wanted}")]
+
+
+def _likeness(gains: Sequence[float]) -> list[Finding]:
+    """Judge whether holes are spread over the landmarks as in the simulated sites."""
+    if not gains:
+        return []
+    factors = sorted(max(gain, 1.0 / gain) for gain in gains)
+    middle, worst = factors[len(factors) // 2], factors[-1]
+    text = (
+        "the counts of this site vary over its landmarks as in simulated sites, to a factor of "
+        f"{middle:.1f} (worst {worst:.1f})"
+    )
+    advice = (
+        "transmitters are not where a line of sight decides what is heard; do not trust counts"
+    )
+    if middle > UNLIKE:
+        return [Finding("likeness", "bad", text, advice)]
+    if worst > UNLIKE:
+        return [Finding("likeness", "doubtful", text, advice)]
+    return [Finding("likeness", "good", text)]
 
 
 def _information(expected: Expectation) -> Finding:

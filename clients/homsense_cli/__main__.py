@@ -16,6 +16,7 @@ app = typer.Typer(
 )
 
 FAILED, MISUSE = 1, 2
+TABLE_WIDTH = 116
 
 SeedOption = Annotated[int, typer.Option(min=0, help="Decides world, paths and noise.")]
 OutOption = Annotated[Path, typer.Option(file_okay=False, help="Directory for the results.")]
@@ -172,7 +173,20 @@ def accuracy(
         walks = Recorded(recorded, tuple(floor or ()), min_rssi_dbm, limit=limit)
     levels = tuple(sorted(set(hops))) if hops else None
     plan = Plan(scenarios, tuple(imu or ["moderate"]), walks, runs, length_m, particles, levels)
-    run_bench(plan, out, Console())
+    console = Console()
+    run_bench(plan, out, Console(width=max(console.width, TABLE_WIDTH)))
+
+
+@bench.command()
+def sweep(
+    seed: SeedOption = 0,
+    runs: Annotated[int, typer.Option(min=1, help="Robots for each value.")] = 16,
+    out: OutOption = Path("accuracy"),
+) -> None:
+    """Vary density, crowd, building size and dropout; write sweeps.json and a picture."""
+    from homsense_cli.accuracy.sweep import run_sweeps
+
+    run_sweeps(seed, runs, out, Console())
 
 
 def main() -> None:

@@ -10,6 +10,7 @@ from typing import Literal
 
 import homsense
 from homsense.engine import Engine
+from homsense.simulation import WORLDS
 from homsense_service.errors import ExpectationFailedError, ExpectationPendingError
 from homsense_service.versions import MapVersion
 
@@ -66,7 +67,7 @@ class Progress:
 
     state: Literal["none", "building", "ready", "failed"]
     done: int = 0
-    of: int = homsense.WORLDS
+    of: int = WORLDS
     reason: str | None = None
 
 
@@ -191,7 +192,7 @@ class Expecting:
             self._finish(Progress("failed", reason=str(error)))
             raise
         self._current = learnt
-        self._finish(Progress("ready", homsense.WORLDS))
+        self._finish(Progress("ready", WORLDS))
         return learnt
 
     def _finish(self, progress: Progress) -> None:

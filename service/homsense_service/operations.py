@@ -6,6 +6,7 @@ from functools import partial
 from typing import TypeVar
 
 import homsense
+from homsense.diagnosis import USUAL_AGE_S
 from homsense_service import schemas
 from homsense_service.expecting import Expecting, Sensor
 from homsense_service.records import StoredScan
@@ -127,6 +128,7 @@ class Operations:
             median_witnesses=homsense.median_witnesses(seen),
             quorum=config.quorum,
             stale_share=_stale_share(heard, config.min_rssi_dbm, config.max_age_s),
+            gains=site.gains(learnt),
         )
 
     def open_session(self, name: str, request: schemas.SessionIn) -> Session:
@@ -171,7 +173,7 @@ def _stale_share(
     heard: Sequence[homsense.Reading], min_rssi_dbm: float | None, max_age_s: float | None
 ) -> float:
     counting = [
-        reading.age_s > homsense.USUAL_AGE_S
+        reading.age_s > USUAL_AGE_S
         for reading in heard
         if (max_age_s is None or reading.age_s <= max_age_s)
         and (min_rssi_dbm is None or (reading.rssi_dbm or min_rssi_dbm) >= min_rssi_dbm)

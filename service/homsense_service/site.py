@@ -10,8 +10,16 @@ from typing import Any, Literal
 
 import homsense
 from homsense.engine import Engine, fastest
+from homsense.expectation import HOPS
 from homsense_service.errors import MapMissingError
-from homsense_service.expecting import Builder, Expecting, Question, Sensor, simulated_sensor
+from homsense_service.expecting import (
+    Builder,
+    Expecting,
+    Learnt,
+    Question,
+    Sensor,
+    simulated_sensor,
+)
 from homsense_service.records import SiteConfig, StoredReading, StoredScan
 from homsense_service.settings import Settings
 from homsense_service.versions import ComplexVersion, MapVersion
@@ -206,11 +214,16 @@ class Site:
             with self._deriving:
                 heights = tuple(self._height(radius) for radius in near_and_far)
             return Sensor("geometric", near_and_far, heights)
-        if wanted is not None and not {*wanted} <= {*homsense.HOPS}:
-            message = f"simulated counts are of hops {homsense.HOPS[0]} to {homsense.HOPS[-1]}"
+        if wanted is not None and not {*wanted} <= {*HOPS}:
+            message = f"simulated counts are of hops {HOPS[0]} to {HOPS[-1]}"
             raise homsense.InvalidConfigurationError(message, "sensor.hops")
         learnt = self.expecting.learnt(self.question(), self._settings.expectation_wait_s)
         return simulated_sensor(learnt, wanted, self.profiles)
+
+    def gains(self, learnt: Learnt) -> tuple[float, ...]:
+        """Return how the counts of this site compare with what it expects."""
+        sensor = simulated_sensor(learnt, self.config.hops, self.profiles)
+        return () if sensor.noise is None else sensor.noise.gains
 
     def question(self) -> Question:
         """Return what the expectation depends on."""

@@ -8,6 +8,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, TypeVar
 
+from rich import box
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
@@ -201,6 +202,7 @@ def table(rows: Sequence[Row], plan: Plan) -> Table:
         Four lines a row.
     """
     shown = Table(
+        box=box.SIMPLE_HEAD,
         title=(
             f"{plan.runs} runs a world or walk, {plan.particles} particles, unknown start; "
             f"robots drive {plan.length_m:.0f} m, their heading unknown too"
@@ -213,7 +215,7 @@ def table(rows: Sequence[Row], plan: Plan) -> Table:
         ),
     )
     for heading in ("world", "motion", "measured", *HEADINGS, "p"):
-        shown.add_column(heading, justify="left" if heading in LEFT else "right")
+        shown.add_column(heading, justify="left" if heading in LEFT else "right", no_wrap=True)
     for row in rows:
         for control in CONTROLS:
             shown.add_row(

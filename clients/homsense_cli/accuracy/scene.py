@@ -9,7 +9,6 @@ from homsense_fleet.device import phone_scans
 from homsense_fleet.world import World
 
 from homsense import (
-    HOPS,
     Expectation,
     FieldNoise,
     FreeSpace,
@@ -20,6 +19,7 @@ from homsense import (
     estimate_radio,
     expect,
 )
+from homsense.expectation import HOPS
 from homsense_cli.accuracy.scenario import Scenario
 
 CELL_M = 2.0

@@ -1,0 +1,49 @@
+"""The gate: robots localize no worse than they did, by more than runs differ among themselves."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from accuracy_gate import finals
+from homsense_cli.__main__ import app
+from typer.testing import CliRunner
+
+REFERENCE = json.loads((Path(__file__).parent / "accuracy_gate.json").read_text())
+RUNS = 6
+
+runner = CliRunner()
+
+
+def test_accuracy_has_not_dropped() -> None:
+    found = finals(RUNS)
+    before = np.mean(REFERENCE["homology"][:RUNS])
+    assert np.mean(found["homology"]) <= before + REFERENCE["spread_m"]
+    assert np.median(found["homology"]) < 0.2 * np.median(found["no homology"])
+
+
+def test_the_bench_writes_what_it_measures(tmp_path: Path) -> None:
+    arguments = ["bench", "accuracy", "--runs", "2", "--length-m", "200", "--phones", "8"]
+    arguments += ["--hops", "2", "--hops", "3", "--particles", "1000", "--out", str(tmp_path)]
+    result = runner.invoke(app, arguments)
+    assert result.exit_code == 0, result.output
+    (row,) = json.loads((tmp_path / "accuracy.json").read_text())["rows"]
+    assert set(row["scores"]) == {"homology", "no homology", "shuffled", "true counts"}
+    assert row["site"]["hops"] == [2, 3]
+    assert row["scores"]["homology"]["runs"] == 2
+    assert "shuffled" in result.output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        (["--city", "atlantis"], "--city must be one of"),
+        (["--imu", "perfect"], "--imu must be one of"),
+        (["--recorded", "."], "holds no recordings"),
+        (["--runs", "0"], "--runs"),
+    ],
+)
+def test_a_bench_that_makes_no_sense_is_refused(arguments: list[str], reason: str) -> None:
+    result = runner.invoke(app, ["bench", "accuracy", *arguments])
+    assert result.exit_code != 0
+    assert reason in result.output + str(result.exception)
