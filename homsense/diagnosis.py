@@ -225,9 +225,7 @@ def _likeness(gains: Sequence[float]) -> list[Finding]:
         "the counts of this site vary over its landmarks as in simulated sites, to a factor of "
         f"{middle:.1f} (worst {worst:.1f})"
     )
-    advice = (
-        "transmitters are not where a line of sight decides what is heard; do not trust counts"
-    )
+    advice = "a line of sight does not decide what is heard here; do not trust counts"
     if middle > UNLIKE:
         return [Finding("likeness", "bad", text, advice)]
     if worst > UNLIKE:

@@ -16,7 +16,7 @@ app = typer.Typer(
 )
 
 FAILED, MISUSE = 1, 2
-TABLE_WIDTH = 116
+TABLE_WIDTH = 136
 
 SeedOption = Annotated[int, typer.Option(min=0, help="Decides world, paths and noise.")]
 OutOption = Annotated[Path, typer.Option(file_okay=False, help="Directory for the results.")]

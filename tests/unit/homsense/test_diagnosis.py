@@ -50,7 +50,7 @@ def test_a_range_beyond_the_pitch_is_bad_and_a_cut_is_advised() -> None:
         (
             {"gains": (0.9, 1.0, 2.6)},
             "likeness",
-            "transmitters are not where a line of sight decides what is heard; do not trust counts",
+            "a line of sight does not decide what is heard here; do not trust counts",
         ),
         ({"median_witnesses": 325.0}, "witnesses", "quorum 4"),
         ({"curve": CURVE, "min_rssi_dbm": -66.0}, "chi alarm", "a stronger min_rssi_dbm"),
