@@ -34,13 +34,16 @@ class Finding:
     text : str
         The figure, and what it means.
     advice : str
-        What to set; empty when all is well.
+        What to do; empty when all is well.
+    setting : tuple of (str, float), optional
+        Member of the site's configuration, and the value to give it.
     """
 
     topic: str
     verdict: Verdict
     text: str
     advice: str = ""
+    setting: tuple[str, float] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,6 +196,7 @@ def _curve(curve: Sequence[RangePoint], cut_dbm: float | None) -> list[Finding]:
                 f"{best.stable} holes last over the cut at {best.min_rssi_dbm:.0f} dBm, "
                 f"{now.stable} at the cut in force",
                 "" if same else f"min_rssi_dbm {best.min_rssi_dbm:.0f}",
+                None if same else ("min_rssi_dbm", best.min_rssi_dbm),
             )
         )
     return findings
@@ -202,7 +206,8 @@ def _staleness(share: float) -> Finding:
     text = f"{share:.0%} of the readings are older than {USUAL_AGE_S:.0f} s"
     if share <= 0.05:  # noqa: PLR2004 - one in twenty
         return Finding("stale sightings", "good", text)
-    return Finding("stale sightings", "doubtful", text, f"max_age_s {USUAL_AGE_S:.0f}")
+    advice = f"max_age_s {USUAL_AGE_S:.0f}"
+    return Finding("stale sightings", "doubtful", text, advice, ("max_age_s", USUAL_AGE_S))
 
 
 def _witnesses(median: float | None, quorum: int) -> list[Finding]:
@@ -212,7 +217,7 @@ def _witnesses(median: float | None, quorum: int) -> list[Finding]:
     text = f"a landmark was seen by {median:.0f} devices, quorum {quorum}"
     if wanted <= quorum:
         return [Finding("witnesses", "good", text)]
-    return [Finding("witnesses", "doubtful", text, f"quorum {wanted}")]
+    return [Finding("witnesses", "doubtful", text, f"quorum {wanted}", ("quorum", wanted))]
 
 
 def _likeness(gains: Sequence[float]) -> list[Finding]:

@@ -27,6 +27,7 @@ FloatArray = NDArray[np.float64]
 HOPS = tuple(range(1, 9))
 _LEAST_SPREAD = 0.6
 _SHRUNK = 0.02
+_DIGITS = 4  # what no order of summation changes
 _TRUTHS = 200
 _BIN_M = 5.0
 _FARTHEST_M = 400.0
@@ -94,12 +95,12 @@ class Expectation:
         if len(worlds) < 3:  # noqa: PLR2004 - a spread and what is left of it
             message = f"an expectation needs at least three worlds, not {len(worlds)}"
             raise InvalidInputError(message, "worlds")
+        if not all(len(world.profiles) for world in worlds):
+            message = "nothing is heard anywhere"
+            raise InvalidInputError(message, "worlds")
         usual = _usual(worlds)
         counts = np.array([_alike(world, usual) for world in worlds])
         heard = ~np.isnan(counts[..., 0])
-        if not heard.any():
-            message = "nothing is heard anywhere"
-            raise InvalidInputError(message, "worlds")
         times = heard.sum(axis=0)[:, None]
         sums = np.where(heard[..., None], counts, 0.0).sum(axis=0)
         mean = np.where(times > 0, sums / np.maximum(times, 1), usual[0])
@@ -272,8 +273,8 @@ def _likening(values: FloatArray, mean: float, spread: float) -> tuple[float, fl
     if not len(values):
         return 1.0, 0.0
     own = float(values.std())
-    gain = spread / own if own > 0.0 and spread > 0.0 else 1.0
-    return gain, mean - gain * float(values.mean())
+    gain = round(spread / own, _DIGITS) if own > 0.0 and spread > 0.0 else 1.0
+    return gain, round(mean - gain * float(values.mean()), _DIGITS)
 
 
 def _correlation(errors: FloatArray) -> FloatArray:
@@ -283,7 +284,7 @@ def _correlation(errors: FloatArray) -> FloatArray:
     correlation = products / np.maximum(np.outer(deviation, deviation), np.finfo(float).tiny)
     shrunk: FloatArray = (1 - _SHRUNK) * correlation + _SHRUNK * np.eye(len(correlation))
     np.fill_diagonal(shrunk, 1.0)
-    return shrunk
+    return shrunk.round(_DIGITS)
 
 
 def _correlation_m(places: FloatArray, errors: FloatArray, correlation: FloatArray) -> float:
@@ -305,4 +306,4 @@ def _correlation_m(places: FloatArray, errors: FloatArray, correlation: FloatArr
     alike = products[:-1] / np.maximum(pairs[:-1], 1) / power
     alike[0] = 1.0
     end = int(np.argmax(alike < _NO_LONGER)) or len(alike)
-    return float(2.0 * _BIN_M * (alike[:end].sum() - 0.5))
+    return round(2.0 * _BIN_M * float(alike[:end].sum() - 0.5), 1)

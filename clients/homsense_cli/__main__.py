@@ -112,11 +112,12 @@ def replay(
 def doctor(
     site: Annotated[str, typer.Argument(help="A site with a map and scans.")],
     url: Annotated[str, typer.Option(help="The service.")] = "http://127.0.0.1:8080",
+    apply: Annotated[bool, typer.Option(help="Set what it advises.")] = False,  # noqa: FBT002
 ) -> None:
     """Tell whether counting holes helps on a site, why, and what could be set."""
     from homsense_cli.doctor import run_doctor
 
-    run_doctor(url, site, Console())
+    run_doctor(url, site, Console(), apply=apply)
 
 
 bench = typer.Typer(help="Measure; every figure with its controls.", no_args_is_help=True)

@@ -9,7 +9,7 @@ from homsense_cli.demo_run import learn
 _MARKS = {"good": "green", "doubtful": "yellow", "bad": "red"}
 
 
-def run_doctor(url: str, site: str, console: Console) -> Diagnosis:
+def run_doctor(url: str, site: str, console: Console, *, apply: bool = False) -> Diagnosis:
     """Let a site of a running service judge itself, and print its findings.
 
     Parameters
@@ -20,6 +20,8 @@ def run_doctor(url: str, site: str, console: Console) -> Diagnosis:
         A site with a map and scans.
     console : rich.console.Console
         Where progress and findings go.
+    apply : bool, default False
+        Whether to set what it advises.
 
     Returns
     -------
@@ -31,6 +33,13 @@ def run_doctor(url: str, site: str, console: Console) -> Diagnosis:
             task = bars.add_task("the site learns its radio")
             learn(client, site, lambda done, of: bars.update(task, completed=done, total=of))
         diagnosis = client.diagnosis(site)
+        changes = {
+            name: value
+            for finding in diagnosis.findings
+            for name, value in (finding.setting or {}).items()
+        }
+        if apply and changes:
+            client.put_site(site, **{**client.get_site(site).config, **changes})
     for finding in diagnosis.findings:
         color = _MARKS[finding.verdict]
         advice = f" -> {finding.advice}" if finding.advice else ""
@@ -41,4 +50,7 @@ def run_doctor(url: str, site: str, console: Console) -> Diagnosis:
         )
     color = _MARKS[diagnosis.verdict]
     console.print(f"[{color}]{diagnosis.summary}[/{color}]", soft_wrap=True)
+    if changes:
+        told = ", ".join(f"{name} = {value:g}" for name, value in changes.items())
+        console.print(f"{'set' if apply else '--apply sets'}: {told}", soft_wrap=True)
     return diagnosis

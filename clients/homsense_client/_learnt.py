@@ -51,6 +51,7 @@ class Finding:
     verdict: str
     text: str
     advice: str
+    setting: dict[str, float] | None
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,5 @@
 """What a site has learnt about itself -> wire."""
 
-from dataclasses import asdict
-
 import homsense
 from homsense_service import schemas
 from homsense_service.expecting import Expecting, Learnt
@@ -39,5 +37,15 @@ def render_diagnosis(diagnosis: homsense.Diagnosis) -> schemas.DiagnosisOut:
     return schemas.DiagnosisOut(
         verdict=diagnosis.verdict,
         summary=diagnosis.summary,
-        findings=[schemas.FindingOut(**asdict(finding)) for finding in diagnosis.findings],
+        findings=[_finding(finding) for finding in diagnosis.findings],
+    )
+
+
+def _finding(finding: homsense.Finding) -> schemas.FindingOut:
+    return schemas.FindingOut(
+        topic=finding.topic,
+        verdict=finding.verdict,
+        text=finding.text,
+        advice=finding.advice,
+        setting=None if finding.setting is None else dict([finding.setting]),
     )

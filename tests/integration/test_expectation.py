@@ -161,3 +161,21 @@ def test_the_doctor_prints_what_a_service_says() -> None:
         text = console.export_text()
     assert diagnosis.summary in text
     assert all(finding.text in text for finding in diagnosis.findings)
+
+
+def test_the_doctor_sets_what_it_advises() -> None:
+    """Scans that repeat old sightings: the age limit is advised, and set when asked to."""
+    scans = _scans(range(10))
+    for scan in scans:
+        for reading in scan["landmarks"][::3]:
+            reading["age_s"] = 20.0
+    with local_service() as url, Client(url) as client:
+        client.put_site("town")
+        client.put_map("town", WORLD.map_document())
+        client.post_scans("town", scans)
+        console = Console(record=True, width=200)
+        run_doctor(url, "town", console)
+        assert client.get_site("town").config["max_age_s"] is None
+        run_doctor(url, "town", console, apply=True)
+        assert client.get_site("town").config["max_age_s"] == 3.0
+        assert "set: " in console.export_text()

@@ -43,6 +43,9 @@ class FindingOut(Wire):
     verdict: Literal["good", "doubtful", "bad"]
     text: str
     advice: str
+    setting: dict[str, float] | None = Field(
+        description="Member of the configuration of the site, and the value to give it."
+    )
 
 
 class DiagnosisOut(Wire):
