@@ -1,7 +1,7 @@
 """The accuracy that is promised: many robots, each beside its controls. Rewrites docs/accuracy/.
 
 Five generated downtowns, and the centre of Helsinki and recorded mall floors where the folder of
-recorded data is given. Fails when a promise about generated downtowns or Helsinki is not kept.
+recorded data is given; names after it measure some alone. Fails when a promise about generated downtowns or Helsinki is not kept.
 """
 
 import json
@@ -68,9 +68,12 @@ def lines(rows: list[Row]) -> Iterator[str]:
 def main() -> int:
     """Measure, write, and say what is broken; return the exit code."""
     data = Path(sys.argv[1]) if len(sys.argv) > 1 else None
+    wanted = sys.argv[2:]
     OUT.mkdir(exist_ok=True)
     failures: list[str] = []
     for name, plan in plans(data).items():
+        if wanted and name not in wanted:
+            continue
         rows = measure(plan, Console(stderr=True))
         (OUT / f"{name}.md").write_text("\n".join(lines(rows)) + "\n")
         written = json.dumps([row.as_json() for row in rows], indent=1)

@@ -25,6 +25,7 @@ from homsense_cli.figures import draw_all
 from homsense_cli.local_service import local_service
 
 LENGTH_M = 1500.0
+TIMEOUT_S = 300.0
 
 
 def run_demo(seed: int, out: Path, console: Console) -> dict[str, object]:
@@ -53,7 +54,7 @@ def run_demo(seed: int, out: Path, console: Console) -> dict[str, object]:
         TimeElapsedColumn(),
         console=console,
     )
-    with local_service() as url, Client(url) as client, bars:
+    with local_service() as url, Client(url, timeout_s=TIMEOUT_S) as client, bars:
         site = world.name
         prepare_site(client, site, world)
         crowd = Crowd(seed)

@@ -27,6 +27,7 @@ SCANS = [
     {"device": "p", "scan_id": str(n), "observed_at": float(n), "landmarks": seen}
     for n, seen in enumerate(RING)
 ]
+PATIENCE_S = 180.0  # a fresh service compiles beside, perhaps on a busy machine
 AT_ONCE = Retry(first_s=0.0)
 
 
@@ -38,7 +39,7 @@ def url() -> Iterator[str]:
 
 
 def test_the_blocking_client_walks_the_whole_path(url: str) -> None:
-    with Client(url) as client:
+    with Client(url, timeout_s=PATIENCE_S) as client:
         created = client.put_site("sync", hops=[1, 2], s_max_m=20.0)
         assert (created.name, created.map_version) == ("sync", None)
         assert client.put_map("sync", SITE_MAP).structures == 3
@@ -70,7 +71,7 @@ def test_the_blocking_client_walks_the_whole_path(url: str) -> None:
 
 def test_the_asynchronous_client_walks_the_whole_path(url: str) -> None:
     async def walk() -> None:
-        async with AsyncClient(url) as client:
+        async with AsyncClient(url, timeout_s=PATIENCE_S) as client:
             await client.put_site("async", hops=[1, 2])
             await client.put_map("async", SITE_MAP)
             receipts = await asyncio.gather(*(client.post_scans("async", [s]) for s in SCANS))
@@ -91,7 +92,7 @@ def test_the_asynchronous_client_walks_the_whole_path(url: str) -> None:
 
 
 def test_problems_become_errors_that_say_whose_fault(url: str) -> None:
-    with Client(url) as client:
+    with Client(url, timeout_s=PATIENCE_S) as client:
         client.put_site("bare")
         with pytest.raises(ConflictError) as conflict:
             client.open_session("bare")

@@ -50,7 +50,7 @@ def test_the_demo_has_the_length_of_its_promise() -> None:
 def test_a_fleet_maps_a_running_service(tmp_path: Path) -> None:
     path = tmp_path / "map.geojson.gz"
     path.write_bytes(gzip.compress(json.dumps(SITE_MAP).encode()))
-    with local_service() as url, Client(url) as client:
+    with local_service() as url, Client(url, timeout_s=180.0) as client:
         arguments = ["fleet", "--url", url, "--site", "yard", "--map", str(path)]
         arguments += ["--transmitters", "20", "--phones", "3", "--scans", "20", "--s-max-m", "30"]
         result = runner.invoke(app, arguments)

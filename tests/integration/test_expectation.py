@@ -152,7 +152,7 @@ def test_hops_that_are_not_simulated_are_refused(api: TestClient) -> None:
 
 
 def test_the_doctor_prints_what_a_service_says() -> None:
-    with local_service() as url, Client(url) as client:
+    with local_service() as url, Client(url, timeout_s=180.0) as client:
         client.put_site("town")
         client.put_map("town", WORLD.map_document())
         client.post_scans("town", _scans(range(10)))
@@ -169,7 +169,7 @@ def test_the_doctor_sets_what_it_advises() -> None:
     for scan in scans:
         for reading in scan["landmarks"][::3]:
             reading["age_s"] = 20.0
-    with local_service() as url, Client(url) as client:
+    with local_service() as url, Client(url, timeout_s=180.0) as client:
         client.put_site("town")
         client.put_map("town", WORLD.map_document())
         client.post_scans("town", scans)
