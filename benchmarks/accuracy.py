@@ -1,7 +1,8 @@
 """The accuracy that is promised: many robots, each beside its controls. Rewrites docs/accuracy/.
 
 Five generated downtowns, and the centre of Helsinki and recorded mall floors where the folder of
-recorded data is given; names after it measure some alone. Fails when a promise about generated downtowns or Helsinki is not kept.
+recorded data is given; names after it measure some alone. Fails when a promise about generated
+downtowns or Helsinki is not kept.
 """
 
 import json
