@@ -10,8 +10,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from homsense_cli.accuracy.bench import HEADINGS, Plan, Row, cells, measure
-from homsense_cli.accuracy.run import CONTROLS
+from homsense_cli.accuracy.bench import HEADINGS, Plan, Row, lines, measure
 from homsense_cli.accuracy.scenario import Scenario
 from homsense_cli.accuracy.walks import Recorded
 from rich.console import Console
@@ -55,15 +54,13 @@ def broken(name: str, row: Row) -> Iterator[str]:
         yield f"{row.world}, {row.motion}: truth in the 90 % region in {ours.coverage_90:.1%}"
 
 
-def lines(rows: list[Row]) -> Iterator[str]:
+def markdown(rows: list[Row]) -> Iterator[str]:
     """Yield a table in Markdown."""
-    yield "| world | motion | measured | " + " | ".join(HEADINGS) + " | p |"
-    yield "|" + "---|" * (4 + len(HEADINGS))
+    yield "| " + " | ".join(HEADINGS) + " |"
+    yield "|" + "---|" * len(HEADINGS)
     for row in rows:
-        for control in CONTROLS:
-            p = f"{row.p_value[control]:.0e}" if control in row.p_value else ""
-            first = (row.world, row.motion) if control == CONTROLS[0] else ("", "")
-            yield "| " + " | ".join((*first, control, *cells(row.scores[control]), p)) + " |"
+        for line in lines(row):
+            yield "| " + " | ".join(line) + " |"
 
 
 def main() -> int:
@@ -76,7 +73,7 @@ def main() -> int:
         if wanted and name not in wanted:
             continue
         rows = measure(plan, Console(stderr=True))
-        (OUT / f"{name}.md").write_text("\n".join(lines(rows)) + "\n")
+        (OUT / f"{name}.md").write_text("\n".join(markdown(rows)) + "\n")
         written = json.dumps([row.as_json() for row in rows], indent=1)
         (OUT / f"{name}.json").write_text(written + "\n")
         failures += [reason for row in rows for reason in broken(name, row)]

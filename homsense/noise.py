@@ -65,15 +65,11 @@ class CountNoise:
     correlation_m: float = 150.0
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.sigma) and self.sigma > 0.0):
-            message = f"sigma must be positive, not {self.sigma}"
-            raise InvalidConfigurationError(message, "sigma")
+        _check_positive("sigma", self.sigma)
         if not 0.0 <= self.floor < 1.0:
             message = f"floor must be in [0, 1), not {self.floor}"
             raise InvalidConfigurationError(message, "floor")
-        if not (math.isfinite(self.correlation_m) and self.correlation_m > 0.0):
-            message = f"correlation_m must be positive, not {self.correlation_m}"
-            raise InvalidConfigurationError(message, "correlation_m")
+        _check_positive("correlation_m", self.correlation_m)
 
     def n_levels(self, n_fields: int) -> int:
         """Return how many counts a measurement has.
@@ -148,11 +144,8 @@ class FieldNoise:
     correlation_m: float
 
     def __post_init__(self) -> None:
-        for name in ("freedom", "correlation_m"):
-            number = getattr(self, name)
-            if not (math.isfinite(number) and number > 0.0):
-                message = f"{name} must be positive, not {number}"
-                raise InvalidConfigurationError(message, name)
+        _check_positive("freedom", self.freedom)
+        _check_positive("correlation_m", self.correlation_m)
         if not len(self.correlation) == len(self.gains) == len(self.offsets):
             message = "correlation, gains and offsets are of as many neighborhoods"
             raise InvalidConfigurationError(message, "correlation")
@@ -207,6 +200,12 @@ class FieldNoise:
         match = log2(1.0 + np.where(nowhere, 0.0, squares) / self.freedom)
         found = -0.5 * (self.freedom + levels) * match - log2(np.where(nowhere, 1.0, volume))
         return np.where(nowhere, _NOTHING_BITS, found)
+
+
+def _check_positive(name: str, number: float) -> None:
+    if not (math.isfinite(number) and number > 0.0):
+        message = f"{name} must be positive, not {number}"
+        raise InvalidConfigurationError(message, name)
 
 
 @lru_cache

@@ -7,7 +7,7 @@ for scoring only and never leaves this package.
 import gzip
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,8 @@ FloatArray = NDArray[np.float64]
 
 MIN_CHAIN_M = 100.0
 REPORTED_DBM = -80
+HEADING_STD_RAD = 0.2
+STEP_STD = 0.15, 0.1, 0.08
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +92,15 @@ def floor_names(directory: Path) -> list[str]:
     return sorted(path.name.split(".")[0] for path in (directory / "traces").glob("*.jsonl.gz"))
 
 
+def chosen_floors(directory: Path, floors: Sequence[str]) -> tuple[str, ...]:
+    """Return some floors, all when none is named; raise ValueError when there is none."""
+    found = tuple(floors) or tuple(floor_names(directory))
+    if not found:
+        message = f"{directory} holds no recordings"
+        raise ValueError(message)
+    return found
+
+
 def read_floor(directory: Path, name: str) -> Floor:
     """Read a floor.
 
@@ -153,6 +164,12 @@ def walk_events(floor: Floor, chain: list[str]) -> list[WalkEvent]:
                 delta = {"turn_rad": turn, "length_m": float(length)}
             events.append(WalkEvent(trace.t0_s + t, delta, readings, trace.position(t)))
     return events
+
+
+def body_motion(step: dict[str, Any]) -> tuple[float, float, float]:
+    """Return forward m, left m and turn rad of a detected step: it turns, then goes straight."""
+    turn, length = step["turn_rad"], step["length_m"]
+    return length * math.cos(turn), length * math.sin(turn), turn
 
 
 def start_heading(floor: Floor, chain: list[str]) -> float:

@@ -15,17 +15,18 @@ from rich.table import Table
 
 from homsense_cli.local_service import local_service
 from homsense_cli.recorded import (
+    HEADING_STD_RAD,
+    STEP_STD,
     Floor,
     WalkEvent,
+    body_motion,
+    chosen_floors,
     crowd_scans,
-    floor_names,
     read_floor,
     start_heading,
     walk_events,
 )
 
-HEADING_STD_RAD = 0.2
-STEP_STD = 0.15, 0.1, 0.08
 BATCH = 100
 SITE = {"max_age_s": 3.0, "landmark_key": "bssid", "s_max_m": 30.0}
 
@@ -97,10 +98,7 @@ def run_replay(directory: Path, replay: Replay, console: Console) -> list[Score]
     list of Score
         One for each walk.
     """
-    names = replay.floors or floor_names(directory)
-    if not names:
-        message = f"{directory} holds no recordings"
-        raise ValueError(message)
+    names = chosen_floors(directory, replay.floors)
     scores: list[Score] = []
     with (
         local_service(cell_m=1.0, height_cell_m=2.0) as url,
@@ -149,13 +147,8 @@ def _replay_walk(client: Client, floor: Floor, chain: list[str], replay: Replay)
 def _advance(phone: Session, blind: Session, event: WalkEvent) -> tuple[float, float]:
     delta: dict[str, Any] = {}
     if event.delta is not None:
-        turn, length = event.delta["turn_rad"], event.delta["length_m"]
-        delta = {
-            "forward_m": length * math.cos(turn),
-            "left_m": length * math.sin(turn),
-            "turn_rad": turn,
-            "std": list(STEP_STD),
-        }
+        moved = zip(("forward_m", "left_m", "turn_rad"), body_motion(event.delta), strict=True)
+        delta = {**dict(moved), "std": list(STEP_STD)}
     here = phone.step(delta, event.readings, t=event.t_s).best
     other = blind.step(delta, t=event.t_s).best
     return math.dist((here.x_m, here.y_m), event.truth), math.dist(

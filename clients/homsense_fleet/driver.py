@@ -1,8 +1,9 @@
 """Devices at work: phones post their scans side by side."""
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from homsense_client import AsyncClient
@@ -31,6 +32,11 @@ class Crowd:
     phones: int = 40
     scans_each: int = 130
     batch: int = 50
+
+    def scans(self, world: World, number: int) -> Iterator[dict[str, Any]]:
+        """Return the scans of one of the phones, as the service takes them."""
+        rng = np.random.default_rng([self.seed, 1, number])
+        return phone_scans(world, f"phone-{number:02d}", rng, count=self.scans_each)
 
 
 async def map_site(
@@ -62,9 +68,7 @@ async def map_site(
     """
 
     async def walk(number: int) -> int:
-        device = f"phone-{number:02d}"
-        rng = np.random.default_rng([crowd.seed, 1, number])
-        scans = list(phone_scans(world, device, rng, count=crowd.scans_each))
+        scans = list(crowd.scans(world, number))
         accepted = 0
         for first in range(0, len(scans), crowd.batch):
             receipt = await client.post_scans(site, scans[first : first + crowd.batch])

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, closing
 from importlib.metadata import version
 from pathlib import Path
 
@@ -42,19 +42,13 @@ def create_app(
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        store = open_store(chosen.data)
-        warming = Warming(chosen.engine)
-        registry = None
-        try:
-            registry = SiteRegistry(store, chosen, warming.engine, time.time)
-            table = SessionTable(chosen.max_sessions, warming.backend)
-            app.state.operations = Operations(registry, table, chosen)
-            app.state.metrics = Metrics(lambda: len(registry.all()), lambda: len(table))
-            yield
-        finally:
-            if registry is not None:
-                registry.close()
-            store.close()
+        with closing(open_store(chosen.data)) as store:
+            warming = Warming(chosen.engine)
+            with closing(SiteRegistry(store, chosen, warming.engine, time.time)) as registry:
+                table = SessionTable(chosen.max_sessions, warming.backend)
+                app.state.operations = Operations(registry, table, chosen)
+                app.state.metrics = Metrics(lambda: len(registry.all()), lambda: len(table))
+                yield
 
     app = FastAPI(
         title="homsense",

@@ -2,7 +2,7 @@
 
 import threading
 from collections import OrderedDict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from concurrent.futures import TimeoutError as TooLate
 from dataclasses import dataclass
@@ -10,6 +10,7 @@ from typing import Literal
 
 import homsense
 from homsense.engine import Engine
+from homsense.expectation import HOPS
 from homsense.simulation import WORLDS
 from homsense_service.errors import ExpectationFailedError, ExpectationPendingError
 from homsense_service.versions import MapVersion
@@ -27,14 +28,14 @@ class Question:
     ----------
     map_version : MapVersion
         The map.
-    sample : tuple of frozenset of str
-        Visible sets of scans from all over the site.
+    sample : mapping of bytes to frozenset of str
+        Visible sets of scans from all over the site; never changed, only replaced.
     landmarks, scans : int
         How many the site has.
     """
 
     map_version: MapVersion
-    sample: tuple[frozenset[str], ...]
+    sample: Mapping[bytes, frozenset[str]]
     landmarks: int
     scans: int
 
@@ -202,7 +203,10 @@ class Expecting:
     def _learn(self, question: Question) -> Learnt:
         space, digest = question.map_version.free_space, question.map_version.digest
         radio = homsense.estimate_radio(
-            space, question.sample, transmitters=question.landmarks, scans=question.scans
+            space,
+            list(question.sample.values()),
+            transmitters=question.landmarks,
+            scans=question.scans,
         )
         key = (digest, radio)
         expectation = self._known.pop(key, None)
@@ -241,6 +245,13 @@ class Sensor:
     hops: tuple[int, ...]
     heights: tuple[homsense.HeightMap, ...]
     noise: homsense.FieldNoise | None = None
+
+
+def check_simulated(hops: Collection[int]) -> None:
+    """Raise `homsense.InvalidConfigurationError` unless all these hops are simulated."""
+    if not {*hops} <= {*HOPS}:
+        message = f"simulated counts are of hops {HOPS[0]} to {HOPS[-1]}"
+        raise homsense.InvalidConfigurationError(message, "sensor.hops")
 
 
 def simulated_sensor(

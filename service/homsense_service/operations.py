@@ -112,14 +112,13 @@ class Operations:
     def diagnose(self, name: str) -> homsense.Diagnosis:
         """Judge a site by what it has learnt about itself."""
         site = self.sites.get(name)
-        question = site.question()
-        learnt = site.expecting.learnt(question, self._settings.expectation_wait_s)
+        learnt = site.learnt()
         scans = self.sites.some_scans(site)
         heard = [reading for scan in scans for reading in site.readings(scan.readings)]
         seen = [(scan.device, site.visible(scan.readings)) for scan in scans]
         config = site.config
         return homsense.diagnose(
-            question.map_version.site_map,
+            site.require_map().site_map,
             learnt.radio,
             learnt.expectation,
             in_view=sum(len(visible) for _, visible in seen) / max(1, len(seen)),

@@ -10,7 +10,6 @@ from typing import Any, Literal
 
 import homsense
 from homsense.engine import Engine, fastest
-from homsense.expectation import HOPS
 from homsense_service.errors import MapMissingError
 from homsense_service.expecting import (
     Builder,
@@ -18,6 +17,7 @@ from homsense_service.expecting import (
     Learnt,
     Question,
     Sensor,
+    check_simulated,
     simulated_sensor,
 )
 from homsense_service.records import SiteConfig, StoredReading, StoredScan
@@ -126,13 +126,14 @@ class Site:
         self, scans: Sequence[StoredScan], observations: Sequence[frozenset[str]]
     ) -> None:
         """Keep the scans with the smallest hashes: uniform, and the same in any order."""
-        sample = dict(self._sample)
-        for scan, visible in zip(scans, observations, strict=True):
-            if visible:
-                key = f"{scan.device}\0{scan.scan_id}".encode()
-                sample[hashlib.blake2b(key, digest_size=16).digest()] = visible
-        kept = sorted(sample)[: self._settings.calibration_scans]
-        self._sample = {key: sample[key] for key in kept}
+        limit = self._settings.calibration_scans
+        fresh = {
+            _hashed(scan): seen for scan, seen in zip(scans, observations, strict=True) if seen
+        }
+        is_full = len(self._sample) >= limit
+        if fresh and not (is_full and min(fresh) > next(reversed(self._sample))):
+            sample = self._sample | fresh
+            self._sample = {key: sample[key] for key in sorted(sample)[:limit]}
 
     def sense(
         self, visible: frozenset[str], hops: tuple[int, ...], *, lasting: bool = False
@@ -214,11 +215,12 @@ class Site:
             with self._deriving:
                 heights = tuple(self._height(radius) for radius in near_and_far)
             return Sensor("geometric", near_and_far, heights)
-        if wanted is not None and not {*wanted} <= {*HOPS}:
-            message = f"simulated counts are of hops {HOPS[0]} to {HOPS[-1]}"
-            raise homsense.InvalidConfigurationError(message, "sensor.hops")
-        learnt = self.expecting.learnt(self.question(), self._settings.expectation_wait_s)
-        return simulated_sensor(learnt, wanted, self.profiles)
+        check_simulated(wanted or ())
+        return simulated_sensor(self.learnt(), wanted, self.profiles)
+
+    def learnt(self) -> Learnt:
+        """Return what the site knows about its sensor, when it is simulated."""
+        return self.expecting.learnt(self.question(), self._settings.expectation_wait_s)
 
     def gains(self, learnt: Learnt) -> tuple[float, ...]:
         """Return how the counts of this site compare with what it expects."""
@@ -230,7 +232,7 @@ class Site:
         now = self.complex
         return Question(
             self.require_map(),
-            tuple(self._sample.values()),
+            self._sample,
             now.landmark_complex.n_landmarks,
             now.number,
         )
@@ -273,6 +275,11 @@ class Site:
         at = levels.index(hops)
         some = islice(self._sample.values(), _COUNTED)
         return [self.sense(visible, levels)[at].holes for visible in some]
+
+
+def _hashed(scan: StoredScan) -> bytes:
+    key = f"{scan.device}\0{scan.scan_id}".encode()
+    return hashlib.blake2b(key, digest_size=16).digest()
 
 
 def _canonical(landmark: str, key: str) -> str:

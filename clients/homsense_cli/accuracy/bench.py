@@ -26,6 +26,7 @@ from homsense_cli.accuracy.scenario import IMUS, Scenario
 from homsense_cli.accuracy.scene import Scene, prepare
 from homsense_cli.accuracy.score import Score, score, sign_test
 from homsense_cli.accuracy.walks import Recorded, floor_walks
+from homsense_cli.recorded import chosen_floors
 
 Result = TypeVar("Result")
 Runs = dict[Control, Track]
@@ -158,7 +159,7 @@ def _measure_cities(plan: Plan, pool: ProcessPoolExecutor, bars: Progress) -> li
 def _measure_floors(
     plan: Plan, recorded: Recorded, pool: ProcessPoolExecutor, bars: Progress
 ) -> list[Row]:
-    names = recorded.names()
+    names = chosen_floors(recorded.directory, recorded.floors)
     reading = [pool.submit(floor_walks, recorded, name, plan.hops) for name in names]
     floors = _finished(bars, "floors tune", reading)
     running = [
@@ -214,27 +215,31 @@ def table(rows: Sequence[Row], plan: Plan) -> Table:
             "sign test that homology beats the control"
         ),
     )
-    for heading in ("world", "motion", "measured", *HEADINGS, "p"):
+    for heading in HEADINGS:
         shown.add_column(heading, justify="left" if heading in LEFT else "right", no_wrap=True)
     for row in rows:
-        for control in CONTROLS:
-            shown.add_row(
-                row.world if control == CONTROLS[0] else "",
-                row.motion if control == CONTROLS[0] else "",
-                control,
-                *cells(row.scores[control]),
-                f"{row.p_value[control]:.1g}" if control in row.p_value else "",
-            )
+        for line in lines(row):
+            shown.add_row(*line)
         shown.add_section()
     return shown
 
 
 LEFT = ("world", "motion", "measured")
-HEADINGS = ("run m", "last fifth m", "final m", "<15/25/50 m", "found m", "in 50/90/95 %")
+FIGURES = ("run m", "last fifth m", "final m", "<15/25/50 m", "found m", "in 50/90/95 %")
+HEADINGS = (*LEFT, *FIGURES, "p")
 
 
-def cells(found: Score) -> Iterator[str]:
-    """Yield the figures of one line of a table."""
+def lines(row: Row) -> Iterator[tuple[str, ...]]:
+    """Yield the cells of a row, one line for each control, as `HEADINGS` names them."""
+    first = (row.world, row.motion)
+    for control in CONTROLS:
+        p_value = row.p_value.get(control)
+        told = "" if p_value is None else f"{p_value:.0e}"
+        yield (*first, control, *_cells(row.scores[control]), told)
+        first = ("", "")
+
+
+def _cells(found: Score) -> Iterator[str]:
     yield f"{found.median_m:.1f} / {found.p90_m:.0f}"
     yield f"{found.last_median_m:.1f} / {found.last_p90_m:.0f}"
     yield f"{found.final_median_m:.1f}"

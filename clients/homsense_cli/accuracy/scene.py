@@ -4,8 +4,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-from homsense_fleet.device import phone_scans
+from homsense_fleet.driver import Crowd
 from homsense_fleet.world import World
 
 from homsense import (
@@ -159,15 +158,11 @@ def prepare(scenario: Scenario, hops: Sequence[int] | None = None) -> CityScene:
     world = scenario.world()
     site_map = SiteMap.from_geojson(world.map_document())
     free_space = FreeSpace.of(site_map, CELL_M)
+    phones = Crowd(scenario.seed, scenario.phones, scenario.scans_each)
     crowd = [
         frozenset(entry["id"] for entry in scan["landmarks"])
-        for phone in range(scenario.phones)
-        for scan in phone_scans(
-            world,
-            f"phone-{phone:02d}",
-            np.random.default_rng([scenario.seed, 1, phone]),
-            count=scenario.scans_each,
-        )
+        for number in range(phones.phones)
+        for scan in phones.scans(world, number)
     ]
     model = tuned(free_space, crowd, hops, scenario.seed)
     return CityScene(scenario, world, Scene.of(site_map, free_space, crowd, model))

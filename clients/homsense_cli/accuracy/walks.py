@@ -1,6 +1,5 @@
 """Recorded walks: each against the complex of all other phones of its floor."""
 
-import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,10 +10,12 @@ from homsense import visible_landmarks as visible
 from homsense_cli.accuracy.legs import Leg
 from homsense_cli.accuracy.scene import Scene, tuned
 from homsense_cli.recorded import (
+    HEADING_STD_RAD,
+    STEP_STD,
     Floor,
     WalkEvent,
+    body_motion,
     crowd_scans,
-    floor_names,
     read_floor,
     start_heading,
     walk_events,
@@ -23,8 +24,6 @@ from homsense_cli.recorded import (
 Seen = Callable[[list[dict[str, Any]]], frozenset[str]]
 
 CELL_M = 1.0
-HEADING_STD_RAD = 0.2
-STEP_STD = 0.15, 0.1, 0.08
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,20 +50,11 @@ class Recorded:
     max_age_s: float = 3.0
     limit: int | None = None
 
-    def names(self) -> tuple[str, ...]:
-        """Return the floors."""
-        found = self.floors or tuple(floor_names(self.directory))
-        if not found:
-            message = f"{self.directory} holds no recordings"
-            raise ValueError(message)
-        return found
-
 
 @dataclass(frozen=True)
 class Walk:
     """A recorded walk on a site that has never seen it."""
 
-    floor: str
     scene: Scene
     legs: list[Leg]
     prior: Prior
@@ -103,7 +93,7 @@ def floor_walks(recorded: Recorded, name: str, hops: tuple[int, ...] | None) -> 
         crowd = [seen(scan["landmarks"]) for scan in crowd_scans(floor, chain)]
         scene = Scene.of(site_map, free_space, crowd, model)
         legs = list(_legs(scene, walk_events(floor, chain), seen))
-        walks.append(Walk(name, scene, legs, _compass(floor, chain)))
+        walks.append(Walk(scene, legs, _compass(floor, chain)))
     return walks
 
 
@@ -111,8 +101,7 @@ def _legs(scene: Scene, events: list[WalkEvent], seen: Seen) -> Iterator[Leg]:
     for event in events:
         delta, counts = Delta(), None
         if event.delta is not None:
-            turn, length = event.delta["turn_rad"], event.delta["length_m"]
-            delta = Delta(length * math.cos(turn), length * math.sin(turn), turn, std=STEP_STD)
+            delta = Delta(*body_motion(event.delta), std=STEP_STD)
         if event.readings is not None:
             counts = scene.profiles.mean_holes(seen(event.readings))
         yield Leg(event.truth, delta, counts)

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, StringConstraints, model_validator
 
-from homsense.expectation import HOPS
+from homsense_service.expecting import check_simulated
 from homsense_service.records import NEAR_AND_FAR, SiteConfig
 from homsense_service.schemas.wire import HopList, Origin, Wire
 
@@ -70,9 +70,8 @@ class SiteIn(Wire):
         if sorted(set(hops)) != hops:
             message = "hops must rise"
             raise ValueError(message)
-        if self.hops and self.expected == "simulated" and not {*self.hops} <= {*HOPS}:
-            message = f"simulated counts are of hops {HOPS[0]} to {HOPS[-1]}"
-            raise ValueError(message)
+        if self.expected == "simulated":
+            check_simulated(self.hops or ())
         if self.r_geo_m is not None and len(self.r_geo_m) != len(hops):
             message = "r_geo_m must hold one radius for each of hops"
             raise ValueError(message)
