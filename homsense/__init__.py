@@ -25,6 +25,7 @@ from homsense.free_space import FreeSpace
 from homsense.grid import Grid
 from homsense.height import HeightMap
 from homsense.imu import ImuNoise, ImuSample, Velocity, preintegrate
+from homsense.likelihood import JointLikelihood, JointMeasurement, Likelihood
 from homsense.localizer import Localizer, LocalizerState
 from homsense.modes import Mode
 from homsense.motion import ImuMotion, MotionModel, OdometryMotion
@@ -39,6 +40,10 @@ from homsense.quarantine import Displaced, displaced
 from homsense.radio import RadioModel, estimate_radio
 from homsense.range_check import RangePoint, choose_cut, range_curve
 from homsense.recovery import AugmentedMcl, Doubt, Recovery, Relocation
+from homsense.registered.complex import RegisteredComplex, Sighting, register_crowd
+from homsense.registered.crowd import WalkScan
+from homsense.registered.place import PlaceLikelihood
+from homsense.registered.similarity import Hearing
 from homsense.relation import VisibilityRelation
 from homsense.scan import Reading, visible_landmarks
 from homsense.sensing import LocalHomology, sense_local_homology, sense_within
@@ -69,6 +74,7 @@ __all__ = [
     "GaussianPrior",
     "Grid",
     "HeadingPrior",
+    "Hearing",
     "HeightMap",
     "HomsenseError",
     "ImuMotion",
@@ -79,8 +85,11 @@ __all__ = [
     "InvalidInputError",
     "InvalidMapError",
     "InvalidScanError",
+    "JointLikelihood",
+    "JointMeasurement",
     "KldSampling",
     "LandmarkComplex",
+    "Likelihood",
     "LocalHomology",
     "Localizer",
     "LocalizerConfig",
@@ -90,6 +99,7 @@ __all__ = [
     "Noise",
     "OdometryMotion",
     "Particles",
+    "PlaceLikelihood",
     "PolygonPrior",
     "PoseDistribution",
     "Prior",
@@ -98,11 +108,14 @@ __all__ = [
     "RangePoint",
     "Reading",
     "Recovery",
+    "RegisteredComplex",
     "Relocation",
+    "Sighting",
     "SiteMap",
     "UniformPrior",
     "Velocity",
     "VisibilityRelation",
+    "WalkScan",
     "WitnessFiltration",
     "WitnessPoint",
     "calibrate_r_geo",
@@ -116,6 +129,7 @@ __all__ = [
     "observation_complex",
     "preintegrate",
     "range_curve",
+    "register_crowd",
     "sense_local_homology",
     "sense_within",
     "suggested_quorum",

@@ -74,6 +74,38 @@ class CodeMap:
         nowhere = np.full((1, len(steps)), np.nan)
         return cls(free_space, ringed, np.concatenate([nowhere, steps.T[first] / steps_per_hole]))
 
+    @classmethod
+    def blocks(cls, free_space: FreeSpace, block_m: float) -> Self:
+        """Return a code map of square blocks.
+
+        Parameters
+        ----------
+        free_space : FreeSpace
+            The cells.
+        block_m : float
+            Side of a block, metres; doubled until there are few enough.
+
+        Returns
+        -------
+        CodeMap
+            A code for each block with a free cell; it is known by its middle, x and y in metres.
+        """
+        grid = free_space.grid
+        free = np.flatnonzero(free_space.free[:-1])
+        row, column = np.divmod(free, grid.columns)
+        step = max(1, round(block_m / grid.cell_m))
+        while True:
+            blocks = row // step * grid.columns + column // step
+            _, code, size = np.unique(blocks, return_inverse=True, return_counts=True)
+            if len(size) <= MAX_CODES:
+                break
+            step *= 2
+        middles = [np.bincount(code, axis) / size for axis in grid.centers()[free].T]
+        codes = np.full(grid.shape, NOWHERE, np.uint16)
+        codes.ravel()[free] = code + 1
+        known_by = np.concatenate([np.full((1, 2), np.nan), np.stack(middles, axis=1)])
+        return cls(free_space, np.pad(codes, 1).ravel(), known_by)
+
     @property
     def n_fields(self) -> int:
         """How many height maps there are."""

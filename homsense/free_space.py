@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from homsense.errors import InvalidMapError
+from homsense.errors import InvalidConfigurationError, InvalidMapError
 from homsense.grid import Grid, Raster
 from homsense.site_map import SiteMap
 
@@ -84,6 +84,31 @@ class FreeSpace:
             message = f"no cell of {cell_m} m is free"
             raise InvalidMapError(message, "features")
         return cls(grid, np.append(free, False))
+
+    def widened(self, by_m: float) -> Self:
+        """Return what is free when walls are drawn no better than to a tolerance.
+
+        Parameters
+        ----------
+        by_m : float
+            How far behind a wall one may still be, metres, not negative.
+
+        Returns
+        -------
+        FreeSpace
+            With every cell whose middle is so close to that of a free one.
+
+        Raises
+        ------
+        InvalidConfigurationError
+            If the tolerance is negative.
+        """
+        if not by_m >= 0.0:
+            message = f"wall_tolerance_m must not be negative, not {by_m}"
+            raise InvalidConfigurationError(message, "wall_tolerance_m")
+        free = self.free[:-1].reshape(self.grid.shape)
+        apart = ndimage.distance_transform_edt(~free) * self.grid.cell_m
+        return type(self)(self.grid, np.append(apart <= by_m, False))
 
     def contains(self, xy: FloatArray) -> BoolArray:
         """Tell which places are free.

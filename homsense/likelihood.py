@@ -1,7 +1,8 @@
-"""How well expected counts explain a measured one: P(z|x) (Algorithm 1, line 12; section VI)."""
+"""How well places explain a measurement: P(z|x) (Algorithm 1, line 12; section VI)."""
 
 from collections.abc import Sequence
 from functools import lru_cache
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,24 @@ MAX_COUNT = 1_000_000
 _REMEMBERED = 16
 
 
+class Likelihood(Protocol):
+    """What the localizer asks of a sensor model."""
+
+    @property
+    def code_map(self) -> CodeMap:
+        """Places that explain alike."""
+        ...
+
+    @property
+    def correlation_m(self) -> float:
+        """Way after which the error is new, metres."""
+        ...
+
+    def __call__(self, measurement: Any, /) -> FloatArray:  # noqa: ANN401 - each has its own
+        """Return the binary logarithm of the likelihood for each code, at most 0."""
+        ...
+
+
 class CodeLikelihood:
     """How well each code explains measured counts.
 
@@ -28,6 +47,8 @@ class CodeLikelihood:
     """
 
     def __init__(self, code_map: CodeMap, noise: Noise) -> None:
+        self.code_map = code_map
+        self.correlation_m = noise.correlation_m
         self._n_levels = noise.n_levels(code_map.n_fields)
         self._bits = lru_cache(_REMEMBERED)(lambda counts: noise.bits(counts, code_map.expected))
 
@@ -58,4 +79,67 @@ class CodeLikelihood:
                 message = f"a count must be in [0, {MAX_COUNT}], not {count}"
                 raise InvalidInputError(message, "counts")
         bits: FloatArray = self._bits(tuple(counts))
+        return bits
+
+
+class JointMeasurement(NamedTuple):
+    """What two sensors have measured at the same place; either may have nothing to say.
+
+    Parameters
+    ----------
+    first : Any, optional
+        Of the first sensor.
+    second : Any, optional
+        Of the second one.
+    """
+
+    first: Any = None
+    second: Any = None
+
+
+class JointLikelihood:
+    """Two sensors of independent error, each weighed at its own pace.
+
+    Parameters
+    ----------
+    first : Likelihood
+        Its codes are used, and its correlation length.
+    second : Likelihood
+        Looked up where each code of the first occurs for the first time; of a correlation length
+        no shorter.
+
+    Notes
+    -----
+    The localizer raises a likelihood to ``way / correlation_m``, so the second is raised to the
+    ratio of the lengths here. That is exact while scans are no farther apart than the first
+    length; beyond it the second counts for less than it could.
+    """
+
+    def __init__(self, first: Likelihood, second: Likelihood) -> None:
+        self.code_map = first.code_map
+        self.correlation_m = first.correlation_m
+        self._first, self._second = first, second
+        self._share = min(1.0, first.correlation_m / second.correlation_m)
+        known, cell = np.unique(first.code_map.codes, return_index=True)
+        self._code = np.zeros(len(first.code_map.expected), np.intp)
+        self._code[known] = second.code_map.codes[cell]
+
+    def __call__(self, measurement: JointMeasurement) -> FloatArray:
+        """Weigh what both have measured, once for each code of the first.
+
+        Parameters
+        ----------
+        measurement : JointMeasurement
+            At least one is there.
+
+        Returns
+        -------
+        ndarray, shape (n_codes,), float64
+            Binary logarithms, at most 0.
+        """
+        bits = np.zeros(len(self.code_map.expected))
+        if measurement.first is not None:
+            bits += self._first(measurement.first)
+        if measurement.second is not None:
+            bits += self._share * self._second(measurement.second)[self._code]
         return bits

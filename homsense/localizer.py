@@ -21,7 +21,7 @@ from homsense.errors import InvalidConfigurationError, InvalidInputError
 from homsense.estimate import PoseDistribution
 from homsense.free_space import FreeSpace
 from homsense.height import HeightMap
-from homsense.likelihood import CodeLikelihood
+from homsense.likelihood import CodeLikelihood, Likelihood
 from homsense.motion import measured_move
 from homsense.particles import Particles, joined
 from homsense.philox import Purpose
@@ -100,8 +100,8 @@ class Localizer:
         Parameters.
     free_space : FreeSpace, optional
         Free cells of this map, when they are known already.
-    code_map : CodeMap, optional
-        The height maps over these cells, when they are known already.
+    likelihood : Likelihood, optional
+        The sensor model, in place of counts that are compared with height maps.
     backend : Backend, optional
         What runs the stages; the fastest by default. Results do not depend on it.
 
@@ -125,20 +125,24 @@ class Localizer:
         config: LocalizerConfig | None = None,
         *,
         free_space: FreeSpace | None = None,
-        code_map: CodeMap | None = None,
+        likelihood: Likelihood | None = None,
         backend: Backend | None = None,
     ) -> None:
         self.site_map = site_map
         self.heights = tuple(heights)
         self.config = config or LocalizerConfig()
         self.free_space = free_space or FreeSpace.of(site_map, self.config.cell_m)
+        self.likelihood = likelihood or self._counting()
+        self.code_map = self.likelihood.code_map
+        self.backend = backend or fastest()
+        self._is_due = self.config.policy or ess_below(self.config.resample_below)
+
+    def _counting(self) -> Likelihood:
         if not self.heights:
             message = "there must be a height map for at least one neighborhood"
             raise InvalidConfigurationError(message, "heights")
-        self.code_map = code_map or CodeMap.of(self.free_space, self.heights)
-        self.backend = backend or fastest()
-        self._is_due = self.config.policy or ess_below(self.config.resample_below)
-        self._likelihood = CodeLikelihood(self.code_map, self.config.noise)
+        code_map = CodeMap.of(self.free_space, self.heights)
+        return CodeLikelihood(code_map, self.config.noise)
 
     def run_by(self, backend: Backend) -> "Localizer":
         """Return the same localizer on another backend.
@@ -160,7 +164,7 @@ class Localizer:
             self.heights,
             self.config,
             free_space=self.free_space,
-            code_map=self.code_map,
+            likelihood=self.likelihood,
             backend=backend,
         )
 
@@ -199,7 +203,7 @@ class Localizer:
         self,
         state: LocalizerState,
         delta: Delta | Sequence[float],
-        counts: Sequence[float] | None = None,
+        measurement: object | None = None,
     ) -> tuple[LocalizerState, PoseDistribution]:
         """Move and, when there is a measurement, weigh and resample (Algorithm 1, lines 6 to 13).
 
@@ -209,8 +213,9 @@ class Localizer:
             From `start` or the step before; it stays valid.
         delta : Delta or sequence of float
             Measured body-frame motion: forward m, left m, turn rad.
-        counts : sequence of float, optional
-            Holes sensed in each neighborhood; none when nothing was sensed.
+        measurement : sequence of float, optional
+            Holes sensed in each neighborhood, or whatever the likelihood takes; none when nothing
+            was sensed.
 
         Returns
         -------
@@ -222,11 +227,11 @@ class Localizer:
         Raises
         ------
         InvalidInputError
-            If the motion is not finite or absurd, or the counts are.
+            If the motion is not finite or absurd, or the measurement is.
         """
         motion = delta if isinstance(delta, Delta) else Delta(*delta)  # type: ignore[arg-type]
         motion.checked()
-        likelihood = None if counts is None else self._likelihood(counts)
+        explained = None if measurement is None else self.likelihood(measurement)
         tick, travel, fresh = state.tick + 1, state.travel.onward(motion), None
         doubt = state.doubt._replace(injected=0)
         particles = self.backend.propagate(
@@ -236,8 +241,8 @@ class Localizer:
             state.seed,
             tick,
         )
-        if likelihood is not None and travel.length_m >= self.config.weigh_every_m:
-            particles, doubt, fresh = self._reweigh(particles, doubt, likelihood, travel)
+        if explained is not None and travel.length_m >= self.config.weigh_every_m:
+            particles, doubt, fresh = self._reweigh(particles, doubt, explained, travel)
             travel = Travel(credit_m=0.0)
         particles, injected = self._resample(particles, fresh, (state.seed, tick))
         after = LocalizerState(
@@ -281,10 +286,10 @@ class Localizer:
         return replace(state, particles=found.particles)
 
     def _reweigh(
-        self, particles: Particles, doubt: Doubt, likelihood: FloatArray, travel: Travel
+        self, particles: Particles, doubt: Doubt, explained: FloatArray, travel: Travel
     ) -> tuple[Particles, Doubt, _Fresh | None]:
-        exponent = min(1.0, travel.length_m / self.config.noise.correlation_m)
-        table = units(exponent * likelihood)
+        exponent = min(1.0, travel.length_m / self.likelihood.correlation_m)
+        table = units(exponent * explained)
         weighed, gain, before, after = self.backend.reweigh(
             particles, self.free_space.grid.raster, self.code_map.codes, table
         )

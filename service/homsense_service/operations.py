@@ -7,6 +7,7 @@ from typing import TypeVar
 
 import homsense
 from homsense.diagnosis import USUAL_AGE_S
+from homsense.likelihood import CodeLikelihood
 from homsense_service import schemas
 from homsense_service.expecting import Expecting, Sensor
 from homsense_service.records import StoredScan
@@ -191,7 +192,7 @@ def _localizer(
         sensor.heights,
         config,
         free_space=version.free_space,
-        code_map=site.code_map(version, sensor.heights),
+        likelihood=CodeLikelihood(site.code_map(version, sensor.heights), config.noise),
     )
 
 

@@ -1,0 +1,223 @@
+"""The registered complex: scans of a crowd that have places on the map.
+
+How similar two scans are at a distance is learnt once more from the registered crowd, across
+walks, so it allows for whatever is wrong with the places.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from homsense.errors import InvalidInputError
+from homsense.free_space import FreeSpace
+from homsense.registered.crowd import Crowd, WalkScan, likeness
+from homsense.registered.layout import Layout, Pull, largest_part, lay_out, settle
+from homsense.registered.registration import Ground, Registration, register
+from homsense.registered.similarity import Hearing, ScanIndex, Signature
+from homsense.scan import Reading
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.int64]
+
+LEVELS = np.array([0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6])
+RINGS = np.array([0.2, 0.4, 0.6, 0.8, 1.0, 1.25, 1.6, 2.0, 2.6, 4.0])
+FAR_RINGS = 2
+GROUND_SD_M = 3.0
+NEIGHBORS = 4
+COVERED_SHARE = 0.5
+STAGES = ("heard", "compared", "laid out", "registered", "settled")
+_MOST_SAMPLED = 1000
+_PRIOR_PAIRS = 0.5
+
+
+class Sighting(NamedTuple):
+    """What a scan says about where it was made: the scans of the crowd that it resembles.
+
+    Parameters
+    ----------
+    scan : tuple of int
+        Scans of the complex, rising.
+    level : tuple of int
+        How similar each is: how many of `LEVELS` it reaches, at least 1.
+    """
+
+    scan: tuple[int, ...]
+    level: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class RegisteredComplex:
+    """A crowd that lies on a map.
+
+    Parameters
+    ----------
+    hearing : Hearing
+        What of a scan counts.
+    walk : ndarray, shape (N,), int64
+        Walk of each scan.
+    xy : ndarray, shape (N, 2), float64
+        Where it was made, metres.
+    signatures : tuple of mapping
+        What it heard.
+    reach_m : float
+        Distance over which scans hear alike, metres.
+    registration : Registration
+        How the crowd was placed.
+    """
+
+    hearing: Hearing
+    walk: IntArray
+    xy: FloatArray
+    signatures: tuple[Signature, ...]
+    reach_m: float
+    registration: Registration
+
+    @property
+    def size(self) -> int:
+        """Number of scans."""
+        return len(self.walk)
+
+    def sighting(self, readings: Iterable[Reading]) -> Sighting | None:
+        """Compare a scan with the crowd.
+
+        Parameters
+        ----------
+        readings : iterable of Reading
+            The scan.
+
+        Returns
+        -------
+        Sighting or None
+            None when it hears too little; empty when it resembles nothing.
+        """
+        signature = self.hearing.signature(readings)
+        if not signature:
+            return None
+        level = np.searchsorted(LEVELS, self._index.similarities(signature), side="right")
+        scan = np.flatnonzero(level)
+        return Sighting(tuple(scan.tolist()), tuple(level[scan].tolist()))
+
+    def covers(self, xy: FloatArray) -> BoolArray:
+        """Tell where the crowd has been.
+
+        Parameters
+        ----------
+        xy : ndarray, shape (N, 2), float64
+            Places, metres.
+
+        Returns
+        -------
+        ndarray, shape (N,), bool
+            True within half a reach of a scan.
+        """
+        apart, _ = self._tree.query(xy, distance_upper_bound=COVERED_SHARE * self.reach_m)
+        return np.isfinite(apart)
+
+    def ring(self, apart_m: FloatArray) -> IntArray:
+        """Return how many of `RINGS`, in reaches, lie within some distances.
+
+        Parameters
+        ----------
+        apart_m : ndarray, shape (N,), float64
+            Distances, metres.
+
+        Returns
+        -------
+        ndarray, shape (N,), int64
+            From 0 to the number of rings.
+        """
+        return np.searchsorted(RINGS * self.reach_m, apart_m, side="right")
+
+    @cached_property
+    def nats(self) -> FloatArray:
+        """Log-likelihood of each level in each ring, above that of the level far away.
+
+        Shape (rings + 1, levels + 1).
+        """
+        pairs = np.full((len(RINGS) + 1, len(LEVELS) + 1), _PRIOR_PAIRS)
+        for scan in range(0, self.size, max(1, self.size // _MOST_SAMPLED)):
+            others = self.walk != self.walk[scan]
+            found = self._index.similarities(self.signatures[scan])[others]
+            ring = self.ring(np.linalg.norm(self.xy[others] - self.xy[scan], axis=1))
+            cell = ring * pairs.shape[1] + np.searchsorted(LEVELS, found, side="right")
+            pairs += np.bincount(cell, minlength=pairs.size).reshape(pairs.shape)
+        share = pairs / pairs.sum(axis=1, keepdims=True)
+        above: FloatArray = np.log(share / share[-FAR_RINGS:].mean(axis=0))
+        return above
+
+    @cached_property
+    def _index(self) -> ScanIndex:
+        return ScanIndex.of(self.signatures)
+
+    @cached_property
+    def _tree(self) -> "cKDTree[None]":
+        return cKDTree(self.xy)
+
+
+def register_crowd(
+    scans: Iterable[WalkScan],
+    free_space: FreeSpace,
+    *,
+    hearing: Hearing | None = None,
+    neighbors: int = NEIGHBORS,
+    rotation_sd_rad: float | None = None,
+    on_stage: Callable[[str], None] = lambda _stage: None,
+) -> RegisteredComplex:
+    """Lay a crowd out and place it on a map, without any label.
+
+    Parameters
+    ----------
+    scans : iterable of WalkScan
+        The crowd.
+    free_space : FreeSpace
+        Of the map.
+    hearing : Hearing, optional
+        What of a scan counts.
+    neighbors : int, default 4
+        Most similar scans that each scan is joined with.
+    rotation_sd_rad : float, optional
+        How far the headings of the crowd are from those of the map, radians; unknown when absent.
+    on_stage : callable, optional
+        Told each of `STAGES` when it is reached.
+
+    Returns
+    -------
+    RegisteredComplex
+        Of the scans that hang together.
+
+    Raises
+    ------
+    InvalidInputError
+        If the crowd is too small to be laid out.
+    """
+    rule = hearing or Hearing()
+    crowd = Crowd.of(scans, rule)
+    on_stage("heard")
+    like = likeness(crowd, neighbors)
+    on_stage("compared")
+    if not len(like.first):
+        message = "no two walks have heard alike"
+        raise InvalidInputError(message, "scans")
+    layout = lay_out(crowd, like)
+    part = largest_part(crowd, like)
+    on_stage("laid out")
+    registration = register(layout.xy[part], free_space, rotation_sd_rad)
+    on_stage("registered")
+    ground, best = Ground.of(free_space), registration.placements[0]
+    placed = Layout(best.place(layout.xy), layout.heading + best.rotation_rad, layout.log_step)
+    settled = settle(crowd, like, placed, lambda xy: Pull(ground.nearest(xy), GROUND_SD_M))
+    on_stage("settled")
+    return RegisteredComplex(
+        rule,
+        crowd.walk[part],
+        settled.xy[part],
+        tuple(heard for heard, kept in zip(crowd.signatures, part, strict=True) if kept),
+        like.radio.reach_m,
+        registration,
+    )

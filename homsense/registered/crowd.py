@@ -1,0 +1,214 @@
+"""The crowd complex: walks of own motion, joined where their scans hear alike.
+
+No position is used. How far apart two scans of a similarity are is learnt from pairs of scans of
+the same walk, whose distance the device itself has measured.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homsense.errors import InvalidInputError
+from homsense.registered.similarity import Hearing, ScanIndex, Signature
+from homsense.scan import Reading
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+SIMILARITY_EDGES = np.array([0.0, *np.arange(0.05, 0.625, 0.05), 0.7, 1.0])
+NEW_SIGHTINGS_S = 3.5
+FEWEST_PAIRS = 10
+LEAST_SIMILAR = 0.25
+
+
+@dataclass(frozen=True, slots=True)
+class WalkScan:
+    """One scan of a device that keeps account of its own motion.
+
+    Parameters
+    ----------
+    walk : str
+        Which walk of which device.
+    t_s : float
+        When, seconds.
+    x_m, y_m : float
+        Dead-reckoned place in a frame of the walk's own, metres.
+    readings : tuple of Reading
+        What was heard.
+    """
+
+    walk: str
+    t_s: float
+    x_m: float
+    y_m: float
+    readings: tuple[Reading, ...]
+
+
+@dataclass(frozen=True)
+class Crowd:
+    """Scans of many walks, sorted by walk, then by time.
+
+    Parameters
+    ----------
+    walk : ndarray, shape (N,), int64
+        Number of the walk of each scan.
+    own_xy : ndarray, shape (N, 2), float64
+        Dead-reckoned place in the frame of the walk, metres.
+    t_s : ndarray, shape (N,), float64
+        When, seconds.
+    signatures : tuple of mapping
+        What was heard.
+    """
+
+    walk: IntArray
+    own_xy: FloatArray
+    t_s: FloatArray
+    signatures: tuple[Signature, ...]
+
+    @classmethod
+    def of(cls, scans: Iterable[WalkScan], hearing: Hearing | None = None) -> Self:
+        """Return the crowd of some scans.
+
+        Parameters
+        ----------
+        scans : iterable of WalkScan
+            In any order.
+        hearing : Hearing, optional
+            What of a scan counts.
+
+        Returns
+        -------
+        Crowd
+            Of the scans that hear enough.
+        """
+        rule = hearing or Hearing()
+        heard = [(scan, rule.signature(scan.readings)) for scan in scans]
+        kept = sorted(
+            ((scan, signature) for scan, signature in heard if signature),
+            key=lambda pair: (pair[0].walk, pair[0].t_s),
+        )
+        number: dict[str, int] = {}
+        walk = [number.setdefault(scan.walk, len(number)) for scan, _ in kept]
+        return cls(
+            np.array(walk, np.int64),
+            np.array([(scan.x_m, scan.y_m) for scan, _ in kept], np.float64).reshape(-1, 2),
+            np.array([scan.t_s for scan, _ in kept], np.float64),
+            tuple(signature for _, signature in kept),
+        )
+
+    @property
+    def size(self) -> int:
+        """Number of scans."""
+        return len(self.walk)
+
+    @property
+    def n_walks(self) -> int:
+        """Number of walks."""
+        return int(self.walk[-1]) + 1 if self.size else 0
+
+    @property
+    def steps(self) -> IntArray:
+        """Scans that another one of the same walk follows."""
+        return np.flatnonzero(self.walk[1:] == self.walk[:-1])
+
+
+@dataclass(frozen=True)
+class RadioDistance:
+    """How far apart two scans of a similarity are.
+
+    Parameters
+    ----------
+    similarity : ndarray, shape (B,), float64
+        Rising.
+    rms_m : ndarray, shape (B,), float64
+        Root mean square distance, falling, metres.
+    """
+
+    similarity: FloatArray
+    rms_m: FloatArray
+
+    def __call__(self, similarity: FloatArray) -> FloatArray:
+        """Return the root mean square distance of pairs, metres."""
+        return np.interp(similarity, self.similarity, self.rms_m)
+
+    @property
+    def reach_m(self) -> float:
+        """Distance over which scans still hear alike, metres: the scale of the radio field."""
+        return float(np.interp(LEAST_SIMILAR, self.similarity, self.rms_m))
+
+
+@dataclass(frozen=True)
+class Likeness:
+    """The most similar scans of other walks.
+
+    Parameters
+    ----------
+    first, second : ndarray, shape (E,), int64
+        The two scans of each edge.
+    similarity : ndarray, shape (E,), float64
+        How alike they hear.
+    radio : RadioDistance
+        What that means in metres.
+    """
+
+    first: IntArray
+    second: IntArray
+    similarity: FloatArray
+    radio: RadioDistance
+
+
+def likeness(crowd: Crowd, neighbors: int = 4) -> Likeness:
+    """Join each scan with the most similar ones of other walks.
+
+    Parameters
+    ----------
+    crowd : Crowd
+        The scans.
+    neighbors : int, default 4
+        Most edges that a scan asks for.
+
+    Returns
+    -------
+    Likeness
+        Edges of a similarity of a quarter or more.
+
+    Raises
+    ------
+    InvalidInputError
+        If the walks are too few or too short to tell how similarity falls with distance.
+    """
+    index = ScanIndex.of(crowd.signatures)
+    bounds = np.searchsorted(crowd.walk, np.arange(crowd.n_walks + 1))
+    squares, counts = np.zeros(len(SIMILARITY_EDGES) - 1), np.zeros(len(SIMILARITY_EDGES) - 1)
+    edges = []
+    for scan, signature in enumerate(crowd.signatures):
+        found = index.similarities(signature)
+        begin, end = bounds[crowd.walk[scan]], bounds[crowd.walk[scan] + 1]
+        later = np.arange(scan + 1, end)
+        later = later[crowd.t_s[later] - crowd.t_s[scan] > NEW_SIGHTINGS_S]
+        apart = crowd.own_xy[later] - crowd.own_xy[scan]
+        number = np.searchsorted(SIMILARITY_EDGES[1:-1], found[later], side="right")
+        squares += np.bincount(number, (apart * apart).sum(axis=1), len(squares))
+        counts += np.bincount(number, minlength=len(counts))
+        found[begin:end] = 0.0
+        near = np.argsort(-found, kind="stable")[:neighbors]
+        near = near[found[near] >= LEAST_SIMILAR]
+        edges.append(np.stack([np.full(len(near), scan), near, found[near]]))
+    radio = _radio_distance(squares, counts)
+    one, other, similarity = np.concatenate(edges, axis=1)
+    low, high = np.minimum(one, other).astype(np.int64), np.maximum(one, other).astype(np.int64)
+    _, once = np.unique(low * crowd.size + high, return_index=True)
+    return Likeness(low[once], high[once], similarity[once], radio)
+
+
+def _radio_distance(squares: FloatArray, counts: FloatArray) -> RadioDistance:
+    enough = counts >= FEWEST_PAIRS
+    if enough.sum() < 2:  # noqa: PLR2004 - a line needs two points
+        message = "the walks are too few or too short to tell how similarity falls with distance"
+        raise InvalidInputError(message, "scans")
+    middle = 0.5 * (SIMILARITY_EDGES[1:] + SIMILARITY_EDGES[:-1])
+    rms = np.minimum.accumulate(np.sqrt(squares[enough] / counts[enough]))
+    return RadioDistance(middle[enough], rms)

@@ -1,0 +1,274 @@
+"""A layout of the crowd without any position: robust sparse least squares over a pose graph.
+
+Unknown are the place of each scan, and for each walk the bias of its heading and the scale of its
+steps. Own motion says where the next scan of a walk is, likeness draws scans of different walks
+together; edges that do not fit lose their weight round by round.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import splu
+
+from homsense.registered.crowd import Crowd, Likeness
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+STEP_FLOOR_M, STEP_SHARE = 0.1, 0.1
+STEP_SCALE = 0.05
+REST_SHARE = 0.66
+EDGES_DEPEND = 2.0
+TOGETHER_ROUNDS, LAY_OUT_ROUNDS = 5, 14
+SETTLE_ROUNDS, SETTLED_HEADING_RAD = 8, 0.1
+_FIRST_TOLERANCE, _TIGHTER, _LAST_TOLERANCE = 12.0, 0.6, 2.5
+_HARDLY = 1e-4
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where each scan is, relative to the others.
+
+    Parameters
+    ----------
+    xy : ndarray, shape (N, 2), float64
+        Places, metres, in a frame of their own.
+    heading : ndarray, shape (W,), float64
+        What to add to the headings of each walk, radians.
+    log_step : ndarray, shape (W,), float64
+        Logarithm of what to multiply its steps by.
+    """
+
+    xy: FloatArray
+    heading: FloatArray
+    log_step: FloatArray
+
+
+class Pull(NamedTuple):
+    """Where something outside the crowd wants the scans to be.
+
+    Parameters
+    ----------
+    to : ndarray, shape (N, 2), float64
+        Places, metres.
+    sd_m : float
+        How much they may differ, metres.
+    """
+
+    to: FloatArray
+    sd_m: float
+
+
+class _Edges(NamedTuple):
+    rest: FloatArray
+    trust: FloatArray
+
+
+class _Headings(NamedTuple):
+    mean: FloatArray
+    sd_rad: float
+
+
+class _Rows(NamedTuple):
+    """Weighted equations: row, column and value of each coefficient, and the right-hand sides."""
+
+    row: list[IntArray]
+    column: list[IntArray]
+    value: list[FloatArray]
+    right: list[FloatArray]
+
+    @property
+    def size(self) -> int:
+        return sum(map(len, self.right))
+
+    def add(self, right: FloatArray, *terms: tuple[IntArray, FloatArray]) -> None:
+        row = self.size + np.arange(len(right))
+        for column, value in terms:
+            self.row.append(row)
+            self.column.append(column)
+            self.value.append(value)
+        self.right.append(right)
+
+    def solved(self, unknowns: int) -> FloatArray:
+        where = np.concatenate(self.row), np.concatenate(self.column)
+        shape = self.size, unknowns
+        equations = sparse.csc_array((np.concatenate(self.value), where), shape=shape)
+        normal = (equations.T @ equations).tocsc()
+        factors = splu(
+            normal,
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.0,
+            options={"SymmetricMode": True},
+        )
+        found: FloatArray = factors.solve(equations.T @ np.concatenate(self.right))
+        return found
+
+
+def lay_out(
+    crowd: Crowd, like: Likeness, heading: FloatArray | None = None, heading_sd_rad: float = 0.1
+) -> Layout:
+    """Lay a crowd out.
+
+    Parameters
+    ----------
+    crowd : Crowd
+        The walks.
+    like : Likeness
+        Its edges.
+    heading : ndarray, shape (W,), float64, optional
+        What to add to the headings of each walk, radians; nothing when they share a reference,
+        such as east.
+    heading_sd_rad : float, default 0.1
+        How much that may be wrong, radians.
+
+    Returns
+    -------
+    Layout
+        Some ten percent too small, and in parts that no edge joins.
+    """
+    headings = _Headings(np.zeros(crowd.n_walks) if heading is None else heading, heading_sd_rad)
+    state = Layout(np.zeros((crowd.size, 2)), headings.mean, np.zeros(crowd.n_walks))
+    for number in range(LAY_OUT_ROUNDS):
+        rest = np.zeros((len(like.first), 2))
+        if number >= TOGETHER_ROUNDS:
+            rest = _rest(state, like)
+        trust = np.ones(len(rest)) if number == 0 else _trust(state, like, rest, number)
+        state = _improved(crowd, like, state, _Edges(rest, trust), headings, None)
+    return state
+
+
+def settle(
+    crowd: Crowd, like: Likeness, start: Layout, pull: Callable[[FloatArray], Pull]
+) -> Layout:
+    """Lay a crowd out again where it has been placed.
+
+    Parameters
+    ----------
+    crowd : Crowd
+        The walks.
+    like : Likeness
+        Its edges.
+    start : Layout
+        In the frame of the map.
+    pull : callable
+        Says for places where the ground wants them.
+
+    Returns
+    -------
+    Layout
+        In the frame of the map.
+    """
+    headings = _Headings(start.heading, SETTLED_HEADING_RAD)
+    state = Layout(start.xy, start.heading, np.zeros(crowd.n_walks))
+    for number in range(SETTLE_ROUNDS):
+        rest = _rest(state, like)
+        trust = _trust(state, like, rest, number)
+        state = _improved(crowd, like, state, _Edges(rest, trust), headings, pull(state.xy))
+    return state
+
+
+def largest_part(crowd: Crowd, like: Likeness) -> BoolArray:
+    """Tell which scans hang together.
+
+    Parameters
+    ----------
+    crowd : Crowd
+        The walks.
+    like : Likeness
+        Its edges.
+
+    Returns
+    -------
+    ndarray, shape (N,), bool
+        True in the largest connected part.
+    """
+    steps = crowd.steps
+    first, second = np.append(steps, like.first), np.append(steps + 1, like.second)
+    joined = sparse.coo_array((np.ones(len(first)), (first, second)), (crowd.size, crowd.size))
+    _, part = connected_components(joined, directed=False)
+    return np.asarray(part == np.bincount(part).argmax())
+
+
+def _edge_sd(like: Likeness) -> FloatArray:
+    sd_m: FloatArray = EDGES_DEPEND * like.radio(like.similarity) / np.sqrt(2.0)
+    return sd_m
+
+
+def _rest(state: Layout, like: Likeness) -> FloatArray:
+    """Return how far apart the ends of each edge may stay."""
+    apart = state.xy[like.first] - state.xy[like.second]
+    length = np.linalg.norm(apart, axis=1)
+    kept = np.minimum(length, REST_SHARE * like.radio(like.similarity))
+    rest: FloatArray = apart * (kept / np.maximum(length, 1e-9))[:, None]
+    return rest
+
+
+def _trust(state: Layout, like: Likeness, rest: FloatArray, number: int) -> FloatArray:
+    """Return the weight of each edge: little where it does not fit (Geman and McClure)."""
+    miss = state.xy[like.first] - state.xy[like.second] - rest
+    squares = (miss * miss).sum(axis=1) / (2.0 * _edge_sd(like) ** 2)
+    tolerance = max(_FIRST_TOLERANCE * _TIGHTER**number, _LAST_TOLERANCE)
+    trust: FloatArray = (tolerance / (tolerance + squares)) ** 2
+    return trust
+
+
+def _improved(
+    crowd: Crowd,
+    like: Likeness,
+    state: Layout,
+    edges: _Edges,
+    headings: _Headings,
+    pull: Pull | None,
+) -> Layout:
+    """Solve the equations, linear around a layout."""
+    scans, walks = crowd.size, crowd.n_walks
+    x, y = np.arange(scans), scans + np.arange(scans)
+    bias, scale = 2 * scans + np.arange(walks), 2 * scans + walks + np.arange(walks)
+    rows = _Rows([], [], [], [])
+
+    here = crowd.steps
+    own = crowd.own_xy[here + 1] - crowd.own_xy[here]
+    owner = crowd.walk[here]
+    sure = 1.0 / (STEP_FLOOR_M + STEP_SHARE * np.linalg.norm(own, axis=1))
+    stretch = sure * np.exp(state.log_step[owner])
+    cos, sin = stretch * np.cos(state.heading[owner]), stretch * np.sin(state.heading[owner])
+    right, up = cos * own[:, 0] - sin * own[:, 1], sin * own[:, 0] + cos * own[:, 1]
+    for place, along, across in ((x, right, -up), (y, up, right)):
+        rows.add(
+            along,
+            (place[here + 1], sure),
+            (place[here], -sure),
+            (bias[owner], -across),
+            (scale[owner], -along),
+        )
+
+    weight = np.sqrt(edges.trust) / _edge_sd(like)
+    for axis, place in enumerate((x, y)):
+        rows.add(
+            weight * edges.rest[:, axis],
+            (place[like.first], weight),
+            (place[like.second], -weight),
+        )
+
+    sure_of_heading = np.full(walks, 1.0 / headings.sd_rad)
+    rows.add(sure_of_heading * (headings.mean - state.heading), (bias, sure_of_heading))
+    rows.add(-state.log_step / STEP_SCALE, (scale, np.full(walks, 1.0 / STEP_SCALE)))
+
+    to, hold = np.zeros((scans, 2)), np.full(scans, _HARDLY)
+    if pull is not None:
+        to, hold = pull.to, np.full(scans, 1.0 / pull.sd_m)
+    for axis, place in enumerate((x, y)):
+        rows.add(hold * to[:, axis], (place, hold))
+
+    found = rows.solved(2 * scans + 2 * walks)
+    return Layout(
+        np.stack([found[x], found[y]], axis=1),
+        state.heading + found[bias],
+        state.log_step + found[scale],
+    )

@@ -1,0 +1,90 @@
+"""From what a scan resembles to how likely it was made at each place.
+
+Each scan of the crowd near a place says how likely its similarity is if the new scan was made
+there. They are not independent, so their mean counts for a few. Where the crowd has not been there
+is nothing to say, and a scan that resembles nothing is best explained there.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from homsense.code_map import CodeMap
+from homsense.errors import InvalidInputError
+from homsense.exact import exp
+from homsense.registered.complex import RegisteredComplex, Sighting
+from homsense.scalar import LN_2
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+BLOCK_M = 3.0
+KERNEL_SHARE, KERNEL_CUT = 1.0, 2.5
+NOBODY = 2.0
+INDEPENDENT = 2.0
+CORRELATION_SHARE = 0.55
+_NOTHING_BITS = -1e3
+
+
+class PlaceLikelihood:
+    """How well each block of a map explains a scan.
+
+    Parameters
+    ----------
+    complex_ : RegisteredComplex
+        The crowd.
+    code_map : CodeMap
+        Blocks of the map, from `CodeMap.blocks`.
+    """
+
+    def __init__(self, complex_: RegisteredComplex, code_map: CodeMap) -> None:
+        self.complex = complex_
+        self.code_map = code_map
+        self.correlation_m = CORRELATION_SHARE * complex_.reach_m
+        width = KERNEL_SHARE * complex_.reach_m
+        middles = code_map.expected[1:]
+        near = cKDTree(complex_.xy).sparse_distance_matrix(
+            cKDTree(middles), KERNEL_CUT * width, output_type="ndarray"
+        )
+        near.sort(order=("i", "j"))
+        scan, self._block = near["i"].astype(np.int64), near["j"].astype(np.int64)
+        self._start = np.searchsorted(scan, np.arange(complex_.size + 1))
+        apart = np.sqrt(np.square(middles[self._block] - complex_.xy[scan]).sum(axis=1))
+        kernel = exp(-0.5 * np.square(apart / width))
+        total = NOBODY + np.bincount(self._block, kernel, len(middles))
+        self._weight = kernel / total[self._block]
+        self._ring = complex_.ring(apart)
+        silent = complex_.nats[:, 0]
+        self._silent = np.bincount(self._block, self._weight * silent[self._ring], len(middles))
+        self._gain = complex_.nats - silent[:, None]
+
+    def __call__(self, sighting: Sighting) -> FloatArray:
+        """Weigh a scan once for each block.
+
+        Parameters
+        ----------
+        sighting : Sighting
+            What it resembles, of the same complex.
+
+        Returns
+        -------
+        ndarray, shape (n_codes,), float64
+            Binary logarithms, 0 for the best block; a place that is not free explains nothing.
+
+        Raises
+        ------
+        InvalidInputError
+            If the sighting is of another complex.
+        """
+        scan, level = np.array(sighting.scan, np.int64), np.array(sighting.level, np.int64)
+        if len(scan) and not 0 <= scan.min() <= scan.max() < self.complex.size:
+            message = "the sighting is of another complex"
+            raise InvalidInputError(message, "sighting")
+        size = self._start[scan + 1] - self._start[scan]
+        ends = np.cumsum(size)
+        count = int(ends[-1]) if len(ends) else 0
+        entry = np.arange(count) + np.repeat(self._start[scan] - (ends - size), size)
+        gain = self._weight[entry] * self._gain[self._ring[entry], np.repeat(level, size)]
+        nats = self._silent + np.bincount(self._block[entry], gain, len(self._silent))
+        bits = (INDEPENDENT / LN_2) * (nats - nats.max())
+        return np.concatenate([[_NOTHING_BITS], bits])

@@ -1,0 +1,232 @@
+"""A crowd without labels finds its place on the map, and devices find theirs among the crowd."""
+
+import math
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from support.corridors import Building
+
+from homsense import (
+    CodeMap,
+    CountNoise,
+    Delta,
+    FreeSpace,
+    Hearing,
+    HeightMap,
+    InvalidConfigurationError,
+    InvalidInputError,
+    JointLikelihood,
+    JointMeasurement,
+    Localizer,
+    LocalizerConfig,
+    PlaceLikelihood,
+    Reading,
+    RegisteredComplex,
+    Sighting,
+    WalkScan,
+    register_crowd,
+)
+from homsense.backend import NUMPY, compiled
+from homsense.likelihood import CodeLikelihood
+from homsense.registered.complex import STAGES
+from homsense.registered.crowd import Crowd, likeness
+from homsense.registered.layout import largest_part, lay_out
+from homsense.registered.registration import register
+
+BLOCK_M = 3.0
+
+
+@cache
+def registered(seed: int = 0, turned_rad: float = 0.0) -> tuple[Building, RegisteredComplex]:
+    building = Building.of(seed)
+    crowd = building.crowd(seed + 10, 40, turned_rad)
+    return building, register_crowd(crowd, building.free_space)
+
+
+def likelihood(building: Building, found: RegisteredComplex) -> PlaceLikelihood:
+    return PlaceLikelihood(found, CodeMap.blocks(building.free_space, BLOCK_M))
+
+
+@pytest.mark.parametrize("turned_rad", [0.0, 2.0])
+def test_a_crowd_finds_its_place_whatever_its_compass_calls_east(turned_rad: float) -> None:
+    building, found = registered(0, turned_rad)
+    truth = [
+        (scan.walk, scan.t_s, *place)
+        for scan, place in building.crowd_with_truth(10, 40, turned_rad)
+        if found.hearing.signature(scan.readings)
+    ]
+    places = np.array([entry[2:] for entry in sorted(truth, key=lambda entry: entry[:2])])
+    assert len(places) == found.size
+    assert np.median(np.linalg.norm(found.xy - places, axis=1)) < 4.0
+    best = found.registration.placements[0]
+    assert math.cos(best.rotation_rad + turned_rad) > 0.95
+    assert found.registration.margin_m > 0.5
+
+
+def test_a_foreign_map_costs_more_and_a_crowd_without_likeness_is_refused() -> None:
+    building, found = registered()
+    mirrored = FreeSpace(
+        building.free_space.grid,
+        np.append(
+            building.free_space.free[:-1].reshape(building.free_space.grid.shape)[:, ::-1], False
+        ),
+    )
+    foreign = register_crowd(building.crowd(10, 40), mirrored)
+    cost = found.registration.placements[0].cost_m
+    assert foreign.registration.placements[0].cost_m > 1.5 * cost
+    strangers = [
+        WalkScan(
+            f"w{walk}",
+            2.0 * moment,
+            2.5 * moment,
+            0.0,
+            tuple(
+                Reading(f"{walk}-{number}", -50.0 - abs(3 * moment - 6 * number))
+                for number in range(9)
+            ),
+        )
+        for walk in range(4)
+        for moment in range(20)
+    ]
+    with pytest.raises(InvalidInputError, match="no two walks"):
+        register_crowd(strangers, building.free_space)
+    with pytest.raises(InvalidInputError, match="too few"):
+        register_crowd(strangers[:1], building.free_space)
+
+
+def test_scans_may_come_in_any_order_and_each_stage_is_told() -> None:
+    building = Building.of(0)
+    crowd = building.crowd(10, 12)
+    stages: list[str] = []
+    found = register_crowd(crowd, building.free_space, on_stage=stages.append)
+    again = register_crowd(crowd[::-1], building.free_space)
+    assert tuple(stages) == STAGES
+    assert np.array_equal(found.xy, again.xy)
+
+
+def test_a_layout_is_the_crowd_up_to_similarity() -> None:
+    building = Building.of(1)
+    pairs = list(building.crowd_with_truth(11, 40))
+    crowd = Crowd.of(scan for scan, _ in pairs)
+    like = likeness(crowd)
+    part = largest_part(crowd, like)
+    truth = np.array([place for scan, place in pairs if Hearing().signature(scan.readings)])
+    there, here = (
+        xy[:, 0] + 1j * xy[:, 1] - (xy[:, 0] + 1j * xy[:, 1]).mean()
+        for xy in (truth[part], lay_out(crowd, like).xy[part])
+    )
+    turned = (np.conj(here) @ there) / (np.conj(here) @ here)
+    assert part.mean() > 0.9
+    assert np.median(np.abs(turned * here - there)) < 6.0
+    assert 0.8 < abs(turned) < 1.4
+
+
+def test_a_placement_is_found_from_every_direction() -> None:
+    building = Building.of(0)
+    truth = np.array([place for _, place in building.crowd_with_truth(10, 40)])
+    for turn in (0.3, 1.7, 4.0):
+        cos, sin = math.cos(turn), math.sin(turn)
+        turned = truth @ np.array([[cos, sin], [-sin, cos]]) / 1.2 + (300.0, -40.0)
+        best = register(turned, building.free_space).placements[0]
+        assert np.median(np.linalg.norm(best.place(turned) - truth, axis=1)) < 3.0
+
+
+def test_a_scan_is_best_explained_near_where_it_was_made() -> None:
+    building, found = registered()
+    weigh = likelihood(building, found)
+    rng = np.random.default_rng(3)
+    errors, ranks = [], []
+    for place in building.walk(rng, 120.0):
+        sighting = found.sighting(building.readings(place, rng))
+        assert sighting is not None
+        bits = weigh(sighting)
+        assert bits.max() == 0.0
+        middles = weigh.code_map.expected
+        errors.append(np.linalg.norm(middles[int(bits.argmax())] - place))
+        here = int(np.nanargmin(np.linalg.norm(middles - place, axis=1)))
+        ranks.append((bits > bits[here]).mean())
+    assert np.median(errors) < 12.0
+    assert np.median(ranks) < 0.15
+
+
+def test_what_resembles_nothing_was_made_where_nobody_has_been() -> None:
+    building = Building.of(0)
+    west = [scan for scan, place in building.crowd_with_truth(10, 40) if place[0] < 80.0]
+    found = register_crowd(west, building.free_space, rotation_sd_rad=0.1)
+    weigh = likelihood(building, found)
+    nothing = found.sighting([Reading(f"unknown-{number}") for number in range(5)])
+    assert nothing == Sighting((), ())
+    assert found.sighting([Reading("a"), Reading("b")]) is None
+    bits = weigh(nothing)
+    covered = found.covers(weigh.code_map.expected[1:])
+    assert 0.3 < covered.mean() < 1.0
+    assert np.median(bits[1:][~covered]) > np.median(bits[1:][covered])
+    with pytest.raises(InvalidInputError, match="another complex"):
+        weigh(Sighting((found.size,), (1,)))
+
+
+def test_a_device_is_localized_by_the_crowd_with_the_same_bits_on_every_backend() -> None:
+    building, found = registered()
+    weigh = likelihood(building, found)
+    config = LocalizerConfig(particles=2000, cell_m=1.0)
+    localizer = Localizer(
+        building.site_map, (), config, free_space=building.free_space, likelihood=weigh
+    )
+    rng = np.random.default_rng(5)
+    places = building.walk(rng, 120.0)
+    digests = set()
+    for backend in {NUMPY, compiled() or NUMPY}:
+        fast, turn = localizer.run_by(backend), 0.0
+        state = fast.start(7)
+        walk = np.random.default_rng(6)
+        for here, there in pairwise(places):
+            heading = math.atan2(*(there - here)[::-1])
+            delta = Delta(*_ahead(here, there, turn), std=(0.3, 0.3, 0.1))
+            turn = heading
+            state, pose = fast.step(state, delta, found.sighting(building.readings(there, walk)))
+        assert math.dist((pose.modes[0].x_m, pose.modes[0].y_m), places[-1]) < 10.0
+        digests.add(state.digest())
+    assert len(digests) == 1
+
+
+def _ahead(here: np.ndarray, there: np.ndarray, before: float) -> tuple[float, float, float]:
+    heading = math.atan2(*(there - here)[::-1])
+    length, turn = math.dist(here, there), math.remainder(heading - before, math.tau)
+    return length * math.cos(turn), length * math.sin(turn), turn
+
+
+def test_two_sensors_are_weighed_each_at_its_own_pace() -> None:
+    building, found = registered()
+    place = likelihood(building, found)
+    height = HeightMap.geometric(building.site_map, 30.0)
+    counts = CodeLikelihood(
+        CodeMap.of(building.free_space, [height]), CountNoise(correlation_m=100.0)
+    )
+    joint = JointLikelihood(place, counts)
+    sighting = Sighting((0, 3), (5, 2))
+    assert joint.correlation_m == place.correlation_m
+    assert np.array_equal(joint(JointMeasurement(first=sighting)), place(sighting))
+    both = joint(JointMeasurement(sighting, (1.0,)))
+    alone = joint(JointMeasurement(second=(1.0,)))
+    assert np.allclose(both, place(sighting) + alone)
+    assert alone.min() >= place.correlation_m / 100.0 * counts((1.0,)).min()
+
+
+def test_blocks_cover_free_space_and_are_few_enough() -> None:
+    free_space = Building.of(0).free_space
+    blocks = CodeMap.blocks(free_space, BLOCK_M)
+    assert blocks.sizes.sum() == free_space.free.sum()
+    assert (blocks.sizes[1:] <= (BLOCK_M / free_space.grid.cell_m) ** 2).all()
+    assert free_space.grid.flat_index(blocks.expected[1:]).min() >= 0
+
+
+def test_walls_may_be_known_to_a_tolerance() -> None:
+    free_space = Building.of(0).free_space
+    assert np.array_equal(free_space.widened(0.0).free, free_space.free)
+    wider = free_space.widened(1.0).free
+    assert (wider | ~free_space.free).all()
+    assert wider.sum() > free_space.free.sum()
+    with pytest.raises(InvalidConfigurationError):
+        free_space.widened(-1.0)
