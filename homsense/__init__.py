@@ -25,7 +25,12 @@ from homsense.free_space import FreeSpace
 from homsense.grid import Grid
 from homsense.height import HeightMap
 from homsense.imu import ImuNoise, ImuSample, Velocity, preintegrate
-from homsense.likelihood import JointLikelihood, JointMeasurement, Likelihood
+from homsense.likelihood import (
+    JointLikelihood,
+    JointMeasurement,
+    Likelihood,
+    mean_advantage_bits,
+)
 from homsense.localizer import Localizer, LocalizerState
 from homsense.modes import Mode
 from homsense.motion import ImuMotion, MotionModel, OdometryMotion
@@ -49,6 +54,7 @@ from homsense.scan import Reading, visible_landmarks
 from homsense.sensing import LocalHomology, sense_local_homology, sense_within
 from homsense.simplicial import LandmarkComplex
 from homsense.site_map import SiteMap
+from homsense.travel import Travel
 from homsense.witness import WitnessFiltration
 from homsense.witness_check import (
     WitnessPoint,
@@ -112,6 +118,7 @@ __all__ = [
     "Relocation",
     "Sighting",
     "SiteMap",
+    "Travel",
     "UniformPrior",
     "Velocity",
     "VisibilityRelation",
@@ -125,6 +132,7 @@ __all__ = [
     "estimate_radio",
     "expect",
     "landmark_complex",
+    "mean_advantage_bits",
     "median_witnesses",
     "observation_complex",
     "preintegrate",

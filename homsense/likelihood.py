@@ -1,15 +1,16 @@
 """How well places explain a measurement: P(z|x) (Algorithm 1, line 12; section VI)."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from homsense.code_map import CodeMap
+from homsense.code_map import NOWHERE, CodeMap
 from homsense.errors import InvalidInputError
 from homsense.noise import Noise
+from homsense.stages import cells_at
 
 FloatArray = NDArray[np.float64]
 
@@ -80,6 +81,38 @@ class CodeLikelihood:
                 raise InvalidInputError(message, "counts")
         bits: FloatArray = self._bits(tuple(counts))
         return bits
+
+
+def mean_advantage_bits(
+    likelihood: Likelihood, measurements: Iterable[object], xy: FloatArray
+) -> float:
+    """Return how much better measurements are explained where they were made than elsewhere.
+
+    Parameters
+    ----------
+    likelihood : Likelihood
+        A sensor model.
+    measurements : iterable
+        What was measured.
+    xy : ndarray, shape (N, 2), float64
+        Where, metres; the places of a registered crowd will do.
+
+    Returns
+    -------
+    float
+        Mean over the measurements of the binary logarithm of the likelihood at the place, above
+        that of its mean over the map; below 0 the sensor misleads.
+    """
+    code_map = likelihood.code_map
+    cells = cells_at(code_map.free_space.grid.raster, *xy.astype(np.float32).T)
+    share = code_map.sizes / code_map.sizes.sum()
+    found = [
+        bits[code] - np.log2(share @ np.exp2(bits))
+        for measurement, code in zip(measurements, code_map.codes[cells], strict=True)
+        if code != NOWHERE
+        for bits in [likelihood(measurement)]
+    ]
+    return float(np.mean(found)) if found else 0.0
 
 
 class JointMeasurement(NamedTuple):

@@ -97,6 +97,7 @@ def replay(
     floor: Annotated[list[str] | None, typer.Option(help="A floor; all when absent.")] = None,
     min_rssi_dbm: Annotated[float, typer.Option(help="Weakest visible strength, dBm.")] = -60.0,
     hops: Annotated[list[int] | None, typer.Option(help="Neighborhoods; 1 and 2.")] = None,
+    sensor: Annotated[str, typer.Option(help="auto, homology, registered or both.")] = "auto",
     seed: SeedOption = 0,
     limit: Annotated[int | None, typer.Option(min=1, help="Most walks of a floor.")] = None,
 ) -> None:
@@ -104,7 +105,7 @@ def replay(
     from homsense_cli.replay import Replay, run_replay
 
     levels = tuple(sorted(set(hops or [1, 2])))
-    chosen = Replay(tuple(floor or ()), min_rssi_dbm, levels, seed, limit)
+    chosen = Replay(tuple(floor or ()), min_rssi_dbm, sensor, levels, seed, limit)
     run_replay(directory, chosen, Console())
 
 
@@ -112,7 +113,7 @@ def replay(
 def doctor(
     site: Annotated[str, typer.Argument(help="A site with a map and scans.")],
     url: Annotated[str, typer.Option(help="The service.")] = "http://127.0.0.1:8080",
-    apply: Annotated[bool, typer.Option(help="Set what it advises.")] = False,  # noqa: FBT002
+    apply: Annotated[bool, typer.Option(help="Set what it advises.")] = False,
 ) -> None:
     """Tell whether counting holes helps on a site, why, and what could be set."""
     from homsense_cli.doctor import run_doctor
@@ -140,6 +141,14 @@ def accuracy(
     floor: Annotated[list[str] | None, typer.Option(help="Of the recordings; all.")] = None,
     min_rssi_dbm: Annotated[float, typer.Option(help="Of the recordings, dBm.")] = -60.0,
     limit: Annotated[int | None, typer.Option(min=1, help="Most walks of a floor.")] = None,
+    min_chain_m: Annotated[float, typer.Option(min=0.0, help="Shortest recorded walk.")] = 150.0,
+    binary: Annotated[
+        bool, typer.Option(help="Likeness by sets alone, of recorded scans.")
+    ] = False,
+    compass: Annotated[
+        bool, typer.Option(help="Whether a recorded phone that is localized has one.")
+    ] = True,
+    crowd: Annotated[float, typer.Option(min=0.01, max=1.0, help="Share of its phones.")] = 1.0,
     runs: Annotated[int, typer.Option(min=1, help="Robots in a world, seeds of a walk.")] = 32,
     length_m: Annotated[float, typer.Option(min=50.0, help="Way of a robot.")] = 1500.0,
     particles: Annotated[int, typer.Option(min=1, max=1_000_000)] = 8000,
@@ -171,7 +180,16 @@ def accuracy(
     )
     walks = None
     if recorded is not None:
-        walks = Recorded(recorded, tuple(floor or ()), min_rssi_dbm, limit=limit)
+        walks = Recorded(
+            recorded,
+            tuple(floor or ()),
+            min_rssi_dbm,
+            limit=limit,
+            min_chain_m=min_chain_m,
+            binary=binary,
+            compass=compass,
+            crowd=crowd,
+        )
     levels = tuple(sorted(set(hops))) if hops else None
     plan = Plan(scenarios, tuple(imu or ["moderate"]), walks, runs, length_m, particles, levels)
     console = Console()

@@ -16,6 +16,7 @@ from homsense_fleet.world import World
 
 LAST_M = 300.0
 SNAPSHOTS = 4
+HOMOLOGY = {"type": "homology"}
 NEAR_AND_FAR = (2, 3)
 POLL_S = 0.2
 
@@ -141,8 +142,8 @@ def drive_robot(
     moments: list[Moment] = []
     snapshots: list[Snapshot] = []
     with (
-        client.open_session(site, seed=seed) as robot,
-        client.open_session(site, seed=seed) as blind,
+        client.open_session(site, seed=seed, sensor=HOMOLOGY) as robot,
+        client.open_session(site, seed=seed, sensor=HOMOLOGY) as blind,
     ):
         for step in steps:
             moments.append(_advance(robot, blind, step))

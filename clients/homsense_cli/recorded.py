@@ -19,10 +19,12 @@ from homsense_cli.maps import collection, feature, read_json
 
 FloatArray = NDArray[np.float64]
 
-MIN_CHAIN_M = 100.0
+MIN_CHAIN_M = 150.0
 REPORTED_DBM = -80
+SCAN_LASTS_S = 1.0
 HEADING_STD_RAD = 0.2
-STEP_STD = 0.15, 0.1, 0.08
+STEP_STD = 0.2, 0.2, 0.03
+WALL_TOLERANCE_M = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +40,8 @@ class Trace:
     truth : ndarray, shape (W, 3), float64
         Seconds since the start, x and y in metres, where a surveyor stood.
     scans : list
-        (seconds since the start, readings) pairs; readings are ``id``, ``rssi`` and ``age_s``.
+        (seconds since the start, readings) pairs; readings are ``id``, ``rssi`` and ``age_s``. A
+        scan lasts for two seconds and is reported at its end; the time is that of its middle.
     steps : ndarray, shape (S, 3), float64
         Seconds since the start, heading in radians and length in metres of detected steps.
     """
@@ -53,6 +56,13 @@ class Trace:
         """Return the true position, linear between the surveyor's places."""
         seconds, x, y = self.truth.T
         return float(np.interp(t_s, seconds, x)), float(np.interp(t_s, seconds, y))
+
+    def reckoned(self, t_s: float) -> tuple[float, float]:
+        """Return where the phone believes to be, by its own steps from where it began."""
+        seconds, heading, length = self.steps.T
+        x, y = np.cumsum(length * np.cos(heading)), np.cumsum(length * np.sin(heading))
+        east, north = (float(np.interp(t_s, seconds, axis, left=0.0)) for axis in (x, y))
+        return east, north
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +111,7 @@ def chosen_floors(directory: Path, floors: Sequence[str]) -> tuple[str, ...]:
     return found
 
 
-def read_floor(directory: Path, name: str) -> Floor:
+def read_floor(directory: Path, name: str, min_chain_m: float = MIN_CHAIN_M) -> Floor:
     """Read a floor.
 
     Parameters
@@ -110,6 +120,8 @@ def read_floor(directory: Path, name: str) -> Floor:
         Folder with ``traces``, ``maps``, ``bssid.json.gz`` and ``chains.json``.
     name : str
         Such as ``site1_F2``.
+    min_chain_m : float, default 150.0
+        Shortest walk that is of interest, metres.
 
     Returns
     -------
@@ -124,7 +136,7 @@ def read_floor(directory: Path, name: str) -> Floor:
         name,
         _floor_map(read_json(directory / "maps" / f"{name}.local.json.gz")),
         {trace.id: trace for trace in traces},
-        [chain["traces"] for chain in chains if chain["length_m"] >= MIN_CHAIN_M],
+        [chain["traces"] for chain in chains if chain["length_m"] >= min_chain_m],
     )
 
 
@@ -135,11 +147,13 @@ def crowd_scans(floor: Floor, without: list[str]) -> Iterator[dict[str, Any]]:
             continue
         for number, (t_s, readings) in enumerate(trace.scans):
             if readings:
+                x, y = trace.reckoned(t_s)
                 yield {
                     "device": trace.id,
                     "scan_id": str(number),
                     "observed_at": trace.t0_s + t_s,
                     "landmarks": readings,
+                    "track": {"id": "walk", "x_m": x, "y_m": y},
                 }
 
 
@@ -180,7 +194,7 @@ def start_heading(floor: Floor, chain: list[str]) -> float:
 def _trace(line: dict[str, Any], bssid: list[str]) -> Trace:
     scans = [
         (
-            dt / 1000.0,
+            dt / 1000.0 - SCAN_LASTS_S,
             [
                 {"id": bssid[index], "rssi": float(rssi), "age_s": max(0.0, age / 1000.0)}
                 for index, rssi, _frequency, age in entries

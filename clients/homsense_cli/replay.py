@@ -17,6 +17,7 @@ from homsense_cli.local_service import local_service
 from homsense_cli.recorded import (
     HEADING_STD_RAD,
     STEP_STD,
+    WALL_TOLERANCE_M,
     Floor,
     WalkEvent,
     body_motion,
@@ -28,7 +29,12 @@ from homsense_cli.recorded import (
 )
 
 BATCH = 100
-SITE = {"max_age_s": 3.0, "landmark_key": "bssid", "s_max_m": 30.0}
+SITE = {
+    "max_age_s": 3.0,
+    "landmark_key": "bssid",
+    "s_max_m": 30.0,
+    "wall_tolerance_m": WALL_TOLERANCE_M,
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,8 +49,10 @@ class Score:
         Way walked, metres.
     complex : Complex
         Built from all other phones.
+    sensor : str
+        What the session measured.
     error_m : float
-        Median distance to the truth with the homological sensor, metres.
+        Median distance to the truth with it, metres.
     baseline_m : float
         The same with motion and walls only.
     """
@@ -52,6 +60,7 @@ class Score:
     floor: str
     length_m: float
     complex: Complex
+    sensor: str
     error_m: float
     baseline_m: float
 
@@ -66,6 +75,8 @@ class Replay:
         Which floors; all when empty.
     min_rssi_dbm : float
         Weakest strength that counts as visible, dBm.
+    sensor : str
+        ``auto``, ``homology``, ``registered`` or ``both``.
     hops : tuple of int
         Neighborhoods whose holes are counted.
     seed : int
@@ -76,6 +87,7 @@ class Replay:
 
     floors: tuple[str, ...] = ()
     min_rssi_dbm: float = -60.0
+    sensor: str = "auto"
     hops: tuple[int, ...] = (1, 2)
     seed: int = 0
     limit: int | None = None
@@ -129,8 +141,12 @@ def _replay_walk(client: Client, floor: Floor, chain: list[str], replay: Replay)
         "heading": {"mean_rad": start_heading(floor, chain), "std_rad": HEADING_STD_RAD},
     }
     with (
-        client.open_session(site, seed=replay.seed, prior=prior) as phone,
-        client.open_session(site, seed=replay.seed, prior=prior) as blind,
+        client.open_session(
+            site, seed=replay.seed, prior=prior, sensor={"type": replay.sensor}
+        ) as phone,
+        client.open_session(
+            site, seed=replay.seed, prior=prior, sensor={"type": "homology"}
+        ) as blind,
     ):
         errors = [_advance(phone, blind, event) for event in events]
     grown = client.get_complex(site)
@@ -139,6 +155,7 @@ def _replay_walk(client: Client, floor: Floor, chain: list[str], replay: Replay)
         floor.name,
         sum(event.delta["length_m"] for event in events if event.delta),
         grown,
+        phone.info.sensor,
         median(error for error, _ in errors),
         median(baseline for _, baseline in errors),
     )
@@ -161,14 +178,15 @@ def _table(scores: list[Score]) -> Table:
         title="median error in metres over each walk, unknown start",
         caption="bold: medians over the walks",
     )
-    for heading in ("floor", "way m", "facets", "b0", "b1", "homology", "motion + walls"):
-        table.add_column(heading, justify="left" if heading == "floor" else "right")
+    for heading in ("floor", "way m", "facets", "b0", "b1", "sensor", "error", "motion + walls"):
+        table.add_column(heading, justify="left" if heading in ("floor", "sensor") else "right")
     for score in scores:
         table.add_row(
             score.floor,
             f"{score.length_m:.0f}",
             str(score.complex.facets),
             *map(str, score.complex.betti),
+            score.sensor,
             f"{score.error_m:.1f}",
             f"{score.baseline_m:.1f}",
         )
@@ -184,6 +202,7 @@ def _add_median(table: Table, name: str, scores: list[Score]) -> None:
 
     table.add_row(
         f"{name}, {len(scores)} walks",
+        "",
         "",
         "",
         "",

@@ -2,7 +2,15 @@
 
 from homsense_client._async_client import AsyncClient, AsyncSession
 from homsense_client._client import Client, Session
-from homsense_client._learnt import Diagnosis, Expectation, Finding, Learnt
+from homsense_client._learnt import (
+    Diagnosis,
+    Expectation,
+    Finding,
+    Learnt,
+    Placed,
+    Placement,
+    Registration,
+)
 from homsense_client._models import (
     Complex,
     Level,
@@ -47,8 +55,11 @@ __all__ = [
     "MapInfo",
     "Mode",
     "NotFoundError",
+    "Placed",
+    "Placement",
     "Pose",
     "Receipt",
+    "Registration",
     "RequestTimeoutError",
     "ResponseError",
     "Retry",

@@ -118,6 +118,14 @@ class AsyncClient:
         """Begin to simulate what the sensor counts."""
         return await self.send(protocol.post_expectation(site))
 
+    async def registration(self, site: str) -> learnt.Registration:
+        """Return how far the registration of a crowd is, and where it lies."""
+        return await self.send(protocol.get_registration(site))
+
+    async def register(self, site: str) -> learnt.Registration:
+        """Begin to place the crowd of a site on its map."""
+        return await self.send(protocol.post_registration(site))
+
     async def diagnosis(self, site: str) -> learnt.Diagnosis:
         """Judge a site: whether counting holes helps, and what could be set."""
         return await self.send(protocol.get_diagnosis(site))

@@ -118,6 +118,14 @@ class Client:
         """Begin to simulate what the sensor counts."""
         return self.send(protocol.post_expectation(site))
 
+    def registration(self, site: str) -> learnt.Registration:
+        """Return how far the registration of a crowd is, and where it lies."""
+        return self.send(protocol.get_registration(site))
+
+    def register(self, site: str) -> learnt.Registration:
+        """Begin to place the crowd of a site on its map."""
+        return self.send(protocol.post_registration(site))
+
     def diagnosis(self, site: str) -> learnt.Diagnosis:
         """Judge a site: whether counting holes helps, and what could be set."""
         return self.send(protocol.get_diagnosis(site))

@@ -44,6 +44,57 @@ class Expectation:
 
 
 @dataclass(frozen=True, slots=True)
+class Placement:
+    """One way to lay the crowd on the map."""
+
+    rotation_rad: float
+    scale: float
+    cost_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Placed:
+    """The crowd on the map; `placements` are ordered by cost."""
+
+    map_version: str
+    tracked: int
+    scans: int
+    walks: int
+    reach_m: float
+    weakest_dbm: float
+    cost_m: float
+    margin_m: float
+    mirror_margin_m: float
+    doubtful: bool
+    coverage: float
+    placements: tuple[Placement, ...]
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Self:
+        """Return the value of an answer."""
+        placements = tuple(Placement(**placement) for placement in data["placements"])
+        return cls(**{**data, "placements": placements})
+
+
+@dataclass(frozen=True, slots=True)
+class Registration:
+    """How far the registration of a crowd is, and where the last one lies."""
+
+    state: str
+    done: int
+    of: int
+    reason: str | None
+    tracked: int
+    placed: Placed | None
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Self:
+        """Return the value of an answer."""
+        placed = None if data["placed"] is None else Placed.from_json(data["placed"])
+        return cls(**{**data, "placed": placed})
+
+
+@dataclass(frozen=True, slots=True)
 class Finding:
     """One thing that was looked at."""
 

@@ -200,6 +200,8 @@ class Pose:
     modes: tuple[Mode, ...]
     region_area_m2: dict[str, float]
     holes: tuple[float, ...] | None
+    resembled: int | None
+    coverage: float | None
     ess: float
     relocation_p: float
     map_version: str
@@ -214,7 +216,8 @@ class Pose:
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Self:
         """Return the value of an answer."""
-        measured, geo = data["measurement"], data["geo"]
+        measured, geo = data["measurement"] or {}, data["geo"]
+        holes = measured.get("holes")
         return cls(
             data["session"],
             data["seq"],
@@ -222,7 +225,9 @@ class Pose:
             data["status"],
             tuple(Mode.from_json(mode) for mode in data["modes"]),
             dict(data["region_area_m2"]),
-            None if measured is None else tuple(measured["holes"]),
+            None if holes is None else tuple(holes),
+            measured.get("resembled"),
+            data["coverage"],
             data["health"]["ess"],
             data["health"]["relocation_p"],
             data["map_version"],
@@ -239,8 +244,9 @@ class SessionInfo:
     site: str
     map_version: str
     seed: int
+    sensor: str
     hops: tuple[int, ...]
-    expected: str
+    expected: str | None
     r_geo_m: tuple[float, ...] | None
     correlation_m: float
     pose: Pose
@@ -253,6 +259,7 @@ class SessionInfo:
             data["site"],
             data["map_version"],
             data["seed"],
+            data["sensor"],
             tuple(data["hops"]),
             data["expected"],
             None if data["r_geo_m"] is None else tuple(data["r_geo_m"]),

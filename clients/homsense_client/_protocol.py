@@ -149,6 +149,16 @@ def post_expectation(site: str) -> Call[learnt.Expectation]:
     return Call("POST", _site(site, "expectation"), learnt.Expectation.from_json)
 
 
+def get_registration(site: str) -> Call[learnt.Registration]:
+    """Ask how the crowd lies on the map."""
+    return Call("GET", _site(site, "registration"), learnt.Registration.from_json)
+
+
+def post_registration(site: str) -> Call[learnt.Registration]:
+    """Begin to place the crowd."""
+    return Call("POST", _site(site, "registration"), learnt.Registration.from_json)
+
+
 def get_diagnosis(site: str) -> Call[learnt.Diagnosis]:
     """Judge a site."""
     return Call("GET", _site(site, "diagnosis"), learnt.Diagnosis.from_json)

@@ -32,6 +32,28 @@ class OdometryNoise:
 
 
 @dataclass(frozen=True, slots=True)
+class StepErrors:
+    """Errors of a phone that counts steps and has a compass.
+
+    Parameters
+    ----------
+    scale : float
+        Standard deviation of the error of its step length, as a share; the same all the way.
+    bias_rad : float
+        Of the error of its compass; the same all the way.
+    share : float
+        Of what it measures for a leg, as a share of the leg.
+    heading_rad : float
+        Of the heading of a leg.
+    """
+
+    scale: float = 0.05
+    bias_rad: float = 0.05
+    share: float = 0.1
+    heading_rad: float = 0.15
+
+
+@dataclass(frozen=True, slots=True)
 class DriveStep:
     """One step of a robot: what is true, what it measures, what it hears.
 
@@ -83,16 +105,45 @@ def phone_scans(
         A scan as the service takes it; empty ones are left out.
     """
     length = count * spacing_m
+    (steps,) = rng.spawn(1)
     places = walk_positions(wander(world, rng, length), spacing_m, length)[:count]
+    reckoning = _Reckoning(steps, StepErrors())
     for number, place in enumerate(places):
-        heard = world.scan(_aside(world, rng, place), rng)
+        beside = _aside(world, rng, place)
+        heard = world.scan(beside, rng)
+        x, y = reckoning.onward(beside)
         if heard:
             yield {
                 "device": device,
                 "scan_id": f"{device}-{number}",
                 "observed_at": 1.7e9 + number * spacing_m / 1.4,
                 "landmarks": heard,
+                "track": {"id": "walk", "x_m": x, "y_m": y},
             }
+
+
+class _Reckoning:
+    """Where a phone believes to be, from where it began."""
+
+    def __init__(self, rng: Rng, errors: StepErrors) -> None:
+        self._rng, self._errors = rng, errors
+        self._scale = 1.0 + errors.scale * rng.standard_normal()
+        self._bias_rad = errors.bias_rad * rng.standard_normal()
+        self._before: FloatArray | None = None
+        self._x = self._y = 0.0
+
+    def onward(self, place: FloatArray) -> tuple[float, float]:
+        """Go straight to a place; return where that is believed to be."""
+        if self._before is not None:
+            east, north = place - self._before
+            length, heading = math.hypot(east, north), math.atan2(north, east)
+            wrong = self._rng.standard_normal(2)
+            length *= self._scale + self._errors.share * wrong[0]
+            heading += self._bias_rad + self._errors.heading_rad * wrong[1]
+            self._x += length * math.cos(heading)
+            self._y += length * math.sin(heading)
+        self._before = place
+        return round(self._x, 3), round(self._y, 3)
 
 
 def _aside(world: World, rng: Rng, place: FloatArray, spread_m: float = 6.0) -> FloatArray:

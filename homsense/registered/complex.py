@@ -15,9 +15,17 @@ from scipy.spatial import cKDTree
 
 from homsense.errors import InvalidInputError
 from homsense.free_space import FreeSpace
-from homsense.registered.crowd import Crowd, WalkScan, likeness
+from homsense.registered.crowd import Crowd, Likeness, WalkScan, likeness
 from homsense.registered.layout import Layout, Pull, largest_part, lay_out, settle
-from homsense.registered.registration import Ground, Registration, register
+from homsense.registered.registration import (
+    DISTINCT_M,
+    Ground,
+    Placement,
+    Registration,
+    apart,
+    register,
+    unlikely_m,
+)
 from homsense.registered.similarity import Hearing, ScanIndex, Signature
 from homsense.scan import Reading
 
@@ -34,6 +42,7 @@ COVERED_SHARE = 0.5
 STAGES = ("heard", "compared", "laid out", "registered", "settled")
 _MOST_SAMPLED = 1000
 _PRIOR_PAIRS = 0.5
+_MIRROR = np.array([-1.0, 1.0])
 
 
 class Sighting(NamedTuple):
@@ -69,6 +78,8 @@ class RegisteredComplex:
         Distance over which scans hear alike, metres.
     registration : Registration
         How the crowd was placed.
+    source : ndarray, shape (N,), int64
+        Which of the scans that were given.
     """
 
     hearing: Hearing
@@ -77,6 +88,7 @@ class RegisteredComplex:
     signatures: tuple[Signature, ...]
     reach_m: float
     registration: Registration
+    source: IntArray
 
     @property
     def size(self) -> int:
@@ -207,17 +219,33 @@ def register_crowd(
     layout = lay_out(crowd, like)
     part = largest_part(crowd, like)
     on_stage("laid out")
-    registration = register(layout.xy[part], free_space, rotation_sd_rad)
+    tried = register(layout.xy[part], free_space, rotation_sd_rad)
+    (mirrored,) = register(layout.xy[part] * _MIRROR, free_space, thorough=False)
+    mirror_margin_m = mirrored.cost_m - min(placement.cost_m for placement in tried)
     on_stage("registered")
-    ground, best = Ground.of(free_space), registration.placements[0]
-    placed = Layout(best.place(layout.xy), layout.heading + best.rotation_rad, layout.log_step)
-    settled = settle(crowd, like, placed, lambda xy: Pull(ground.nearest(xy), GROUND_SD_M))
+    ground = Ground.of(free_space)
+    settled: list[tuple[Placement, FloatArray]] = []
+    for placement in tried:
+        xy = _settled(crowd, like, layout, placement, ground)[part]
+        unlikely = unlikely_m(placement.rotation_rad, placement.scale, rotation_sd_rad)
+        settled.append((placement._replace(cost_m=ground.mismatch_m(xy) + unlikely), xy))
+    settled.sort(key=lambda pair: pair[0].cost_m)
+    distinct = apart((xy for _, xy in settled), DISTINCT_M, len(settled))
     on_stage("settled")
     return RegisteredComplex(
         rule,
         crowd.walk[part],
-        settled.xy[part],
+        settled[0][1],
         tuple(heard for heard, kept in zip(crowd.signatures, part, strict=True) if kept),
         like.radio.reach_m,
-        registration,
+        Registration(tuple(settled[number][0] for number in distinct), mirror_margin_m),
+        crowd.source[part],
     )
+
+
+def _settled(
+    crowd: Crowd, like: Likeness, layout: Layout, placement: Placement, ground: Ground
+) -> FloatArray:
+    turned = layout.heading + placement.rotation_rad
+    placed = Layout(placement.place(layout.xy), turned, layout.log_step)
+    return settle(crowd, like, placed, lambda xy: Pull(ground.nearest(xy), GROUND_SD_M)).xy

@@ -61,12 +61,15 @@ class Crowd:
         When, seconds.
     signatures : tuple of mapping
         What was heard.
+    source : ndarray, shape (N,), int64
+        Which of the scans that the crowd was made of.
     """
 
     walk: IntArray
     own_xy: FloatArray
     t_s: FloatArray
     signatures: tuple[Signature, ...]
+    source: IntArray
 
     @classmethod
     def of(cls, scans: Iterable[WalkScan], hearing: Hearing | None = None) -> Self:
@@ -85,18 +88,20 @@ class Crowd:
             Of the scans that hear enough.
         """
         rule = hearing or Hearing()
-        heard = [(scan, rule.signature(scan.readings)) for scan in scans]
-        kept = sorted(
-            ((scan, signature) for scan, signature in heard if signature),
-            key=lambda pair: (pair[0].walk, pair[0].t_s),
-        )
+        heard = [
+            (scan, signature, source)
+            for source, scan in enumerate(scans)
+            if (signature := rule.signature(scan.readings))
+        ]
+        kept = sorted(heard, key=lambda entry: (entry[0].walk, entry[0].t_s))
         number: dict[str, int] = {}
-        walk = [number.setdefault(scan.walk, len(number)) for scan, _ in kept]
+        walk = [number.setdefault(scan.walk, len(number)) for scan, *_ in kept]
         return cls(
             np.array(walk, np.int64),
-            np.array([(scan.x_m, scan.y_m) for scan, _ in kept], np.float64).reshape(-1, 2),
-            np.array([scan.t_s for scan, _ in kept], np.float64),
-            tuple(signature for _, signature in kept),
+            np.array([(scan.x_m, scan.y_m) for scan, *_ in kept], np.float64).reshape(-1, 2),
+            np.array([scan.t_s for scan, *_ in kept], np.float64),
+            tuple(signature for _, signature, _ in kept),
+            np.array([source for *_, source in kept], np.int64),
         )
 
     @property

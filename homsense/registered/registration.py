@@ -5,7 +5,7 @@ sums are correlations, so all shifts are tried at once by FFT.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -24,11 +24,14 @@ BoolArray = NDArray[np.bool_]
 OFF_GROUND_M, UNCOVERED_M = 6.0, 10.0
 WORST_M = OFF_GROUND_M + UNCOVERED_M
 M_PER_NAT = 0.06
+DOUBTFUL_M, MIRRORED_M = 0.4, 0.3
 SCALE, LOG_SCALE_SD = 1.15, 0.15
 SCALES = tuple(float(scale) for scale in np.geomspace(0.8, 1.8, 9))
 ROTATION_STEP = math.radians(6.0)
-COARSE_M = 2.0
-DISTINCT_M = 15.0
+COARSE_M, COARSE_CELLS = 2.0, 200
+LIKELY_ROTATIONS = 6.0
+SIMILAR_M, SIMILAR = 6.0, 8
+DISTINCT_M, DISTINCT = 15.0, 4
 HALF = 0.5
 _FINER = ((math.radians(3.0), 0.05), (math.radians(1.5), 0.025))
 _BORDER = 12
@@ -90,17 +93,29 @@ class Registration:
     Parameters
     ----------
     placements : tuple of Placement
-        Distinct ones, the best first.
+        Distinct ones, the best first; their costs are those after the crowd has settled there.
+    mirror_margin_m : float
+        How much worse the mirror image of the crowd fits, metres: a control that needs no truth.
     """
 
     placements: tuple[Placement, ...]
+    mirror_margin_m: float
+
+    @property
+    def cost_m(self) -> float:
+        """Cost of the best placement, metres."""
+        return self.placements[0].cost_m
 
     @property
     def margin_m(self) -> float:
-        """How much better the best one is than the next; infinite when there is only one."""
-        if len(self.placements) == 1:
-            return math.inf
-        return self.placements[1].cost_m - self.placements[0].cost_m
+        """How much better the best one is than the next, metres; `WORST_M` if there is none."""
+        others = [placement.cost_m for placement in self.placements[1:]]
+        return min(others, default=WORST_M + self.cost_m) - self.cost_m
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether another placement is nearly as good, or the mirror image is: a wrong map."""
+        return self.margin_m < DOUBTFUL_M or self.mirror_margin_m < MIRRORED_M
 
 
 @dataclass(frozen=True)
@@ -170,10 +185,32 @@ class Ground:
         """
         return self.cells[self._tree.query(xy)[1]]
 
+    def mismatch_m(self, xy: FloatArray) -> float:
+        """Return how badly scans and ground cover one another.
+
+        Parameters
+        ----------
+        xy : ndarray, shape (N, 2), float64
+            Places of the scans, metres.
+
+        Returns
+        -------
+        float
+            Mean distance from the scans to the ground and from the ground to the scans, both
+            bounded, metres.
+        """
+        off_ground = np.minimum(self._tree.query(xy)[0], OFF_GROUND_M)
+        uncovered = np.minimum(cKDTree(xy).query(self.cells)[0], UNCOVERED_M)
+        return float(off_ground.mean() + uncovered.mean())
+
 
 def register(
-    xy: FloatArray, free_space: FreeSpace, rotation_sd_rad: float | None = None, keep: int = 8
-) -> Registration:
+    xy: FloatArray,
+    free_space: FreeSpace,
+    rotation_sd_rad: float | None = None,
+    *,
+    thorough: bool = True,
+) -> list[Placement]:
     """Search the placements of a layout.
 
     Parameters
@@ -184,39 +221,80 @@ def register(
         Of the map.
     rotation_sd_rad : float, optional
         How far the headings of the crowd are from those of the map, radians; unknown when absent.
-    keep : int, default 8
-        Most placements.
+    thorough : bool, default True
+        Whether to look closely at more than the most promising one.
 
     Returns
     -------
-    Registration
-        Full turn, free scale, all shifts.
+    list of Placement
+        Full turn unless most of it is unlikely, free scale, all shifts.
     """
     middle = xy.mean(axis=0)
     shape = xy - middle
-    coarse = _Matcher(Ground.of(free_space, COARSE_M), shape, rotation_sd_rad)
+    cell_m = max(COARSE_M, max(free_space.grid.shape) * free_space.grid.cell_m / COARSE_CELLS)
+    coarse = _Matcher(Ground.of(free_space, cell_m), shape, rotation_sd_rad)
+    steps = round(math.pi / ROTATION_STEP)
+    if rotation_sd_rad is not None:
+        steps = min(steps, math.ceil(LIKELY_ROTATIONS * rotation_sd_rad / ROTATION_STEP))
     tried = [
         coarse.best(turn * ROTATION_STEP, scale)
-        for turn in range(round(math.tau / ROTATION_STEP))
+        for turn in range(-steps, steps + 1)
         for scale in SCALES
     ]
     fine = _Matcher(Ground.of(free_space), shape, rotation_sd_rad)
-    found = _distinct(
-        [_finer(fine, start) for start in _distinct(tried, shape, keep)], shape, keep
-    )
-    return Registration(tuple(_moved(placement, middle) for placement in found))
+    ordered = sorted(tried, key=lambda placement: placement.cost_m)
+    places = [placement.place(shape) for placement in ordered]
+    chosen = {0}
+    if thorough:
+        chosen = {*apart(places, SIMILAR_M, SIMILAR), *apart(places, DISTINCT_M, DISTINCT)}
+    return [_moved(_finer(fine, ordered[number]), middle) for number in sorted(chosen)]
 
 
-def _distinct(placements: Sequence[Placement], shape: FloatArray, keep: int) -> list[Placement]:
-    """Return the best placements that lie apart from better ones."""
-    chosen: list[Placement] = []
-    for placement in sorted(placements, key=lambda found: found.cost_m):
-        places = placement.place(shape)
-        if all(_rms(places - other.place(shape)) > DISTINCT_M for other in chosen):
-            chosen.append(placement)
+def apart(layouts: Iterable[FloatArray], least_m: float, keep: int) -> list[int]:
+    """Return which of some layouts lie apart from all before them.
+
+    Parameters
+    ----------
+    layouts : iterable of ndarray, shape (N, 2), float64
+        Places of the same scans, metres.
+    least_m : float
+        Root mean square distance that counts, metres.
+    keep : int
+        How many to return at most.
+
+    Returns
+    -------
+    list of int
+        Numbers, the first one among them.
+    """
+    chosen: list[tuple[int, FloatArray]] = []
+    for number, xy in enumerate(layouts):
         if len(chosen) == keep:
             break
-    return chosen
+        if all(_rms(xy - other) > least_m for _, other in chosen):
+            chosen.append((number, xy))
+    return [number for number, _ in chosen]
+
+
+def unlikely_m(rotation_rad: float, scale: float, rotation_sd_rad: float | None) -> float:
+    """Return what rotation and scale are unlikely by.
+
+    Parameters
+    ----------
+    rotation_rad, scale : float
+        Of a placement.
+    rotation_sd_rad : float or None
+        How far the headings of the crowd are from those of the map; unknown when None.
+
+    Returns
+    -------
+    float
+        Metres, to be added to a cost: a layout comes out too small by a predictable amount.
+    """
+    nats = 0.5 * (math.log(scale / SCALE) / LOG_SCALE_SD) ** 2
+    if rotation_sd_rad is not None:
+        nats += 0.5 * (math.remainder(rotation_rad, math.tau) / rotation_sd_rad) ** 2
+    return M_PER_NAT * nats
 
 
 def _finer(matcher: "_Matcher", start: Placement) -> Placement:
@@ -272,7 +350,11 @@ class _Matcher:
             self._size,
         )
         up, right = (int(n) for n in np.unravel_index(int(gained.argmax()), self._size))
-        cost = WORST_M - float(gained[up, right]) + self._unlikely_m(rotation_rad, scale)
+        cost = (
+            WORST_M
+            - float(gained[up, right])
+            + unlikely_m(rotation_rad, scale, self._rotation_sd_rad)
+        )
         up -= self._size[0] if up > self._size[0] - scans.shape[0] else 0
         right -= self._size[1] if right > self._size[1] - scans.shape[1] else 0
         east = self._grid.west_m + (right - _BORDER - corner[0]) * cell_m
@@ -281,13 +363,6 @@ class _Matcher:
 
     def _transform(self, image: FloatArray) -> NDArray[np.complex128]:
         return np.asarray(fft.rfft2(image, self._size))
-
-    def _unlikely_m(self, rotation_rad: float, scale: float) -> float:
-        nats = 0.5 * (math.log(scale / SCALE) / LOG_SCALE_SD) ** 2
-        if self._rotation_sd_rad is not None:
-            turn = math.remainder(rotation_rad, math.tau)
-            nats += 0.5 * (turn / self._rotation_sd_rad) ** 2
-        return M_PER_NAT * nats
 
 
 def _nearness(cells: BoolArray, cell_m: float, cap_m: float) -> FloatArray:

@@ -12,7 +12,7 @@ from homsense_service import answers
 from homsense_service.bodies import BoundedBodies
 from homsense_service.metrics import Metrics, TimedRequests
 from homsense_service.operations import Operations
-from homsense_service.routes import expectations, health, scans, sessions, sites
+from homsense_service.routes import expectations, health, registrations, scans, sessions, sites
 from homsense_service.schemas import Problem
 from homsense_service.sessions import SessionTable
 from homsense_service.settings import Settings
@@ -60,7 +60,7 @@ def create_app(
     answers.install(app)
     app.add_middleware(TimedRequests)
     app.add_middleware(BoundedBodies, max_bytes=chosen.max_body_bytes)
-    for module in (health, sites, expectations, scans, sessions):
+    for module in (health, sites, expectations, registrations, scans, sessions):
         app.include_router(module.router)
     _describe_problems(app)
     return app

@@ -33,5 +33,13 @@ class ExpectationFailedError(ServiceError):
     """What the sensor counts on this map cannot be simulated."""
 
 
+class RegistrationPendingError(ServiceError):
+    """The crowd of the site is still being placed on the map."""
+
+
+class RegistrationFailedError(ServiceError):
+    """The crowd of the site finds no place on the map."""
+
+
 class StoreError(ServiceError):
     """The data directory cannot be used."""

@@ -1,6 +1,7 @@
 """What the service does. Every rim parses, calls one of these, and renders the answer."""
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TypeVar
@@ -9,8 +10,11 @@ import homsense
 from homsense.diagnosis import USUAL_AGE_S
 from homsense.likelihood import CodeLikelihood
 from homsense_service import schemas
-from homsense_service.expecting import Expecting, Sensor
+from homsense_service.errors import RegistrationFailedError
+from homsense_service.expecting import Expecting
 from homsense_service.records import StoredScan
+from homsense_service.registering import Registering
+from homsense_service.sensors import Sensor
 from homsense_service.sessions import Fix, Session, SessionTable, Step
 from homsense_service.settings import Settings
 from homsense_service.site import Site
@@ -19,6 +23,7 @@ from homsense_service.versions import MapVersion
 
 Answer = TypeVar("Answer")
 
+HELPFUL_BITS = 0.5
 _MOST_IN_VIEW = 60.0
 
 
@@ -135,16 +140,22 @@ class Operations:
         """Start localizing a device on a site."""
         site = self.sites.get(name)
         version = site.require_map()
-        sensor = site.sensor(request.sensor.hops, request.sensor.expected)
-        config = request.to_localizer_config(self._settings.cell_m, sensor.noise)
+        sensor = self._sensor(site, request.sensor)
+        config = request.to_localizer_config(self._settings.cell_m, sensor)
         localizer = _localizer(site, version, sensor, config)
-        return self.sessions.open(site, version, localizer, sensor, request.seed)
+        return self.sessions.open(
+            site, version, localizer, sensor, request.seed, contribute=request.contribute
+        )
 
     def move_session(self, name: str) -> Session:
         """Let a session go on with the current map of its site."""
         session = self.sessions.get(name)
         version = session.site.require_map()
-        sensor = session.site.sensor(session.sensor.hops, session.sensor.expected)
+        before = session.sensor
+        wanted = schemas.SensorIn(
+            type=before.kind, hops=list(before.hops) or None, expected=before.expected
+        )
+        sensor = self._sensor(session.site, wanted)
         config = session.localizer.config
         if sensor.noise is not None:
             config = replace(config, noise=sensor.noise)
@@ -160,8 +171,41 @@ class Operations:
     ) -> Answer:
         """Apply steps to a session and answer with what follows from the last."""
         session = self.sessions.get(name)
-        given = [_step(session, step) for step in steps]
-        return session.apply(given, partial(answer, session))
+        given = [_step(step) for step in steps]
+        answered = session.apply(given, partial(answer, session))
+        if contributed := session.contributions():
+            self.sites.add_scans(session.site, contributed)
+        return answered
+
+    def register(self, name: str) -> Registering:
+        """Begin to place the crowd of a site on its map, if that is not known."""
+        site = self.sites.get(name)
+        site.registering.refresh(self.sites.crowd(site))
+        return site.registering
+
+    def _sensor(self, site: Site, wanted: schemas.SensorIn) -> Sensor:
+        """Return the sensor that is asked for; by default the one that the site is fit for."""
+        if wanted.type == "homology":
+            return site.sensor(wanted.hops, wanted.expected)
+        if wanted.type == "auto":
+            return self._fitting(site, wanted)
+        registered = site.registering.registered(
+            self.sites.crowd(site), self._settings.expectation_wait_s
+        )
+        if wanted.type == "registered":
+            return Sensor(registered=registered)
+        return replace(site.sensor(wanted.hops, wanted.expected), registered=registered)
+
+    def _fitting(self, site: Site, wanted: schemas.SensorIn) -> Sensor:
+        counts = wanted.hops is not None or wanted.expected is not None
+        if site.tracked >= self._settings.registration_scans and not counts:
+            with suppress(RegistrationFailedError):
+                found = self._sensor(site, schemas.SensorIn(type="registered")).registered
+                if found is not None and not found.complex.registration.is_doubtful:
+                    counting = site.sensor(wanted.hops, wanted.expected)
+                    helps = site.counts_tell_bits(counting, found) > HELPFUL_BITS
+                    return replace(counting if helps else Sensor(), registered=found)
+        return site.sensor(wanted.hops, wanted.expected)
 
     def _stored(self, scan: schemas.ScanIn | schemas.DroppedScan) -> StoredScan:
         if isinstance(scan, schemas.DroppedScan):
@@ -187,17 +231,16 @@ def _localizer(
     sensor: Sensor,
     config: homsense.LocalizerConfig,
 ) -> homsense.Localizer:
+    found: homsense.Likelihood | None = None
+    if sensor.hops:
+        found = CodeLikelihood(site.code_map(version, sensor.heights), config.noise)
+    if sensor.registered is not None:
+        place = sensor.registered.likelihood
+        found = place if found is None else homsense.JointLikelihood(place, found)
     return homsense.Localizer(
-        version.site_map,
-        sensor.heights,
-        config,
-        free_space=version.free_space,
-        likelihood=CodeLikelihood(site.code_map(version, sensor.heights), config.noise),
+        version.site_map, (), config, free_space=site.reachable(version), likelihood=found
     )
 
 
-def _step(session: Session, wire: schemas.StepIn) -> Step:
-    visible = None
-    if wire.landmarks is not None:
-        visible = session.site.visible(schemas.readings(wire.landmarks))
-    return Step(wire.seq, wire.seconds(), wire.motion(), visible)
+def _step(wire: schemas.StepIn) -> Step:
+    return Step(wire.seq, wire.seconds(), wire.motion(), schemas.readings(wire.landmarks or []))

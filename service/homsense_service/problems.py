@@ -38,6 +38,10 @@ KINDS: dict[type[Exception], Kind] = {
     errors.ExpectationFailedError: Kind(
         409, "expectation_failed", "The sensor cannot be simulated"
     ),
+    errors.RegistrationPendingError: Kind(503, "registration_pending", "Not ready yet"),
+    errors.RegistrationFailedError: Kind(
+        409, "registration_failed", "The crowd finds no place on the map"
+    ),
     errors.StoreError: Kind(503, "store", "The store cannot be used"),
     homsense.InvalidMapError: Kind(422, "invalid_map", "The map is not valid"),
     homsense.InvalidScanError: Kind(422, "invalid_scan", "The scan is not valid"),

@@ -40,6 +40,10 @@ class SiteConfig:
         How distance to a structure is measured on the map.
     origin : tuple of float, optional
         (latitude, longitude) of the local frame, degrees.
+    track_headings : {"east", "common"}
+        Whether the x axis of every track points east, or only the same way for all.
+    wall_tolerance_m : float
+        How far behind a wall a device may still be, metres.
     """
 
     name: str = ""
@@ -55,6 +59,8 @@ class SiteConfig:
     r_geo_m: tuple[float, ...] | None = None
     distance: Literal["euclidean", "geodesic"] = "euclidean"
     origin: tuple[float, float] | None = None
+    track_headings: Literal["east", "common"] = "east"
+    wall_tolerance_m: float = 0.0
 
     @property
     def near_and_far(self) -> tuple[int, ...]:

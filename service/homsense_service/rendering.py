@@ -16,14 +16,16 @@ import homsense
 from homsense.cycles import round_holes
 from homsense.skeleton import n_edges, skeleton
 from homsense_service import schemas
-from homsense_service.expecting import Sensor
 from homsense_service.operations import Sensed
+from homsense_service.schemas.poses import Status
+from homsense_service.sensors import Measured, Sensor
 from homsense_service.sessions import Fix, Session
 from homsense_service.site import Site
 from homsense_service.versions import ComplexVersion, MapVersion, WitnessCheck
 
 LEVELS = (0.5, 0.9, 0.95)
 MAX_MODES = 16
+UNMAPPED, COVERAGE_SAMPLE = 0.5, 200
 MAX_BESIDE = 8
 EULER_TERMS = 20_000
 
@@ -194,7 +196,7 @@ def render_height_map(sensor: Sensor) -> schemas.HeightMapOut:
     grid = height.grid
     return schemas.HeightMapOut(
         hops=sensor.hops[0],
-        expected=sensor.expected,
+        expected="simulated" if spreads else "geometric",
         r_geo_m=height.r_geo_m,
         cell_m=grid.cell_m,
         west_m=grid.west_m,
@@ -227,7 +229,8 @@ def render_pose(session: Session, fix: Fix) -> schemas.PoseOut:
     pose = fix.pose
     modes = pose.modes
     top = modes[0]
-    status = "initializing" if fix.state.tick == 0 else pose.status
+    coverage = _coverage(session.sensor, pose)
+    status = _status(fix, coverage)
     known = status in ("ambiguous", "tracking")
     origin = None
     if known and session.map_version.site_map.origin is not None:
@@ -247,14 +250,39 @@ def render_pose(session: Session, fix: Fix) -> schemas.PoseOut:
         confidence=top.weight,
         modes=[_mode(mode) for mode in modes[:MAX_MODES]],
         region_area_m2={f"{level:.0%}": pose.region_area_m2(level) for level in LEVELS},
-        measurement=None
-        if fix.holes is None
-        else schemas.MeasurementOut(hops=list(session.sensor.hops), holes=list(fix.holes)),
+        measurement=_measurement(session.sensor, fix.measured),
+        coverage=coverage,
         health=_health(fix),
         digest=fix.state.digest(),
         map_version=session.map_version.digest,
         geo=origin,
     )
+
+
+def _status(fix: Fix, coverage: float | None) -> Status:
+    if fix.state.tick == 0:
+        return "initializing"
+    if coverage is not None and coverage < UNMAPPED:
+        return "unmapped"
+    return fix.pose.status
+
+
+def _measurement(sensor: Sensor, measured: Measured | None) -> schemas.MeasurementOut | None:
+    if measured is None or (measured.holes is None and measured.sighting is None):
+        return None
+    return schemas.MeasurementOut(
+        hops=list(sensor.hops),
+        holes=None if measured.holes is None else list(measured.holes),
+        resembled=None if measured.sighting is None else len(measured.sighting.scan),
+    )
+
+
+def _coverage(sensor: Sensor, pose: homsense.PoseDistribution) -> float | None:
+    """Return how much of the distribution lies where the crowd has been."""
+    if sensor.registered is None:
+        return None
+    some = pose.poses[pose.thinned(COVERAGE_SAMPLE), :2]
+    return float(sensor.registered.complex.covers(some).mean())
 
 
 def render_session(session: Session) -> schemas.SessionOut:
@@ -264,10 +292,11 @@ def render_session(session: Session) -> schemas.SessionOut:
         site=session.site.name,
         map_version=session.map_version.digest,
         seed=session.seed,
+        sensor=session.sensor.kind,
         hops=list(session.sensor.hops),
         expected=session.sensor.expected,
         r_geo_m=_radii(session.sensor),
-        correlation_m=session.localizer.config.noise.correlation_m,
+        correlation_m=session.localizer.likelihood.correlation_m,
         pose=render_pose(session, session.fix),
     )
 

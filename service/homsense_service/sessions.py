@@ -10,8 +10,9 @@ from typing import Any, TypeVar
 import homsense
 from homsense.backend import Backend, fastest
 from homsense_service.errors import CapacityError, SequenceConflictError, SessionNotFoundError
-from homsense_service.expecting import Sensor
 from homsense_service.own_motion import Motion, OwnMotion
+from homsense_service.records import StoredReading, StoredScan
+from homsense_service.sensors import Measured, Sensor
 from homsense_service.site import Site
 from homsense_service.versions import MapVersion
 
@@ -32,8 +33,8 @@ class Fix:
         Time of the step as the device gave it, seconds.
     pose : homsense.PoseDistribution
         What is known.
-    holes : tuple of float, optional
-        The measurement that was used.
+    measured : Measured, optional
+        The measurement that was used; none without a scan.
     state : homsense.LocalizerState
         What the filter remembers.
     """
@@ -41,7 +42,7 @@ class Fix:
     seq: int
     t: float | None
     pose: homsense.PoseDistribution
-    holes: tuple[float, ...] | None
+    measured: Measured | None
     state: homsense.LocalizerState
 
 
@@ -57,14 +58,14 @@ class Step:
         Time, seconds.
     motion : Motion
         Since the step before.
-    visible : frozenset of str, optional
-        Landmarks in view.
+    readings : tuple of StoredReading
+        What was heard; nothing without a scan.
     """
 
     seq: int
     t: float | None
     motion: Motion
-    visible: frozenset[str] | None
+    readings: tuple[StoredReading, ...] = ()
 
 
 class Session:
@@ -84,6 +85,8 @@ class Session:
         How it measures.
     seed : int
         Key of its random numbers.
+    contribute : bool
+        Whether its scans join the crowd of the site.
     backend : callable
         Returns what runs the filter now.
     """
@@ -97,6 +100,7 @@ class Session:
         sensor: Sensor,
         *,
         seed: int,
+        contribute: bool,
         backend: Callable[[], Backend],
     ) -> None:
         self.name = name
@@ -110,6 +114,9 @@ class Session:
         state = localizer.start(seed)
         self._fix = Fix(0, None, localizer.estimate(state), None, state)
         self._own_motion = OwnMotion()
+        self._contributes = contribute
+        self._track = homsense.Travel(credit_m=0.0)
+        self._contributed: list[StoredScan] = []
         self._applied: OrderedDict[int, Step] = OrderedDict()
         self._answers: OrderedDict[int, Any] = OrderedDict()
 
@@ -180,13 +187,35 @@ class Session:
         duration = 1.0
         if step.t is not None and self._fix.t is not None:
             duration = max(0.0, step.t - self._fix.t)
-        holes = self.site.count(step.visible, self.sensor) if step.visible else None
+        measured = self.site.measure(step.readings, self.sensor) if step.readings else None
         delta, self._own_motion = self._own_motion.onward(step.motion, duration)
         self.localizer = self.localizer.run_by(self._backend())
-        state, pose = self.localizer.step(self._fix.state, delta, holes)
-        self._fix = Fix(step.seq, step.t, pose, holes, state)
+        weighed = None if measured is None else measured.by(self.sensor.kind)
+        state, pose = self.localizer.step(self._fix.state, delta, weighed)
+        self._fix = Fix(step.seq, step.t, pose, measured, state)
+        self._track = self._track.onward(delta)
+        if self._contributes and step.readings:
+            self._contributed.append(self._scan(step))
         self._applied[step.seq] = step
         _forget_oldest(self._applied)
+
+    def contributions(self) -> list[StoredScan]:
+        """Return the scans that have come since the last call, as ones of the crowd."""
+        with self._lock:
+            given, self._contributed = self._contributed, []
+        return given
+
+    def _scan(self, step: Step) -> StoredScan:
+        """Return the scan of a step, at the place that the device's own motion says."""
+        moment_s = float(step.seq) if step.t is None else step.t
+        track = {
+            "id": self.name,
+            "x_m": self._track.forward_m,
+            "y_m": self._track.left_m,
+            "heading_rad": None,
+        }
+        device = f"session {self.name}"
+        return StoredScan(device, str(step.seq), moment_s, step.readings, track)
 
 
 def _forget_oldest(remembered: OrderedDict[int, Any]) -> None:
@@ -218,12 +247,21 @@ class SessionTable:
         localizer: homsense.Localizer,
         sensor: Sensor,
         seed: int | None,
+        *,
+        contribute: bool,
     ) -> Session:
         """Start a session; draw a seed when none is given."""
         chosen = secrets.randbits(64) if seed is None else seed
         name = secrets.token_urlsafe(12)
         session = Session(
-            name, site, map_version, localizer, sensor, seed=chosen, backend=self._backend
+            name,
+            site,
+            map_version,
+            localizer,
+            sensor,
+            seed=chosen,
+            contribute=contribute,
+            backend=self._backend,
         )
         with self._lock:
             if len(self._sessions) >= self._capacity:

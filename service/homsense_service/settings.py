@@ -32,7 +32,12 @@ class Settings(BaseSettings):
     expectation_wait_s: float = Field(
         default=20.0,
         ge=0.0,
-        description="Longest wait of a new session for the simulation, seconds.",
+        description="Longest wait of a new session for what the site has to learn, seconds.",
+    )
+    registration_scans: int = Field(
+        default=200,
+        ge=1,
+        description="Scans with tracks from which on a session finds itself among the crowd.",
     )
     calibration_scans: int = Field(
         default=1500, ge=1, description="Scans that a site learns its radio and radii from."

@@ -10,17 +10,13 @@ from typing import Any, Literal
 
 import homsense
 from homsense.engine import Engine, fastest
+from homsense.likelihood import CodeLikelihood
+from homsense_service.background import Builder
 from homsense_service.errors import MapMissingError
-from homsense_service.expecting import (
-    Builder,
-    Expecting,
-    Learnt,
-    Question,
-    Sensor,
-    check_simulated,
-    simulated_sensor,
-)
+from homsense_service.expecting import Expecting, Learnt, Question
 from homsense_service.records import SiteConfig, StoredReading, StoredScan
+from homsense_service.registering import Registered, Registering
+from homsense_service.sensors import Measured, Sensor, check_simulated, simulated_sensor
 from homsense_service.settings import Settings
 from homsense_service.versions import ComplexVersion, MapVersion
 
@@ -53,8 +49,12 @@ class Site:
         ] = OrderedDict()
         self._heights: dict[tuple[Any, ...], homsense.HeightMap] = {}
         self._profiles: dict[tuple[int, ...], homsense.Profiles] = {}
-        self.expecting = Expecting(builder or Builder(engine))
+        own_builder = builder or Builder(engine)
+        self.expecting = Expecting(own_builder)
+        self.registering = Registering(own_builder)
+        self.tracked = 0
         self._codes: tuple[tuple[homsense.HeightMap, ...], homsense.CodeMap] | None = None
+        self._reachable: tuple[tuple[str, float], homsense.FreeSpace] | None = None
         self._caching = threading.Lock()
         self._deriving = threading.Lock()
 
@@ -63,6 +63,7 @@ class Site:
         self.complex = self._nothing(generation=self.complex.generation + 1)
         self._sample = {}
         self._profiles = {}
+        self.tracked = 0
         with self._caching:
             self._sensed.clear()
 
@@ -87,6 +88,7 @@ class Site:
         """Join scans that still count into the complex; the caller holds `writing`."""
         observations = [self.visible(scan.readings) for scan in scans]
         self._keep_sample(scans, observations)
+        self.tracked += sum(scan.track is not None for scan in scans)
         now = self.complex
         before = now.epochs.run_by(self._engine())
         first, current = self._epochs_that_count(now_s)
@@ -195,8 +197,35 @@ class Site:
         self._profiles[hops] = found
         return found
 
-    def count(self, visible: frozenset[str], sensor: Sensor) -> tuple[float, ...] | None:
-        """Return what a sensor makes of a visible set; None when the complex knows none of it."""
+    def measure(self, stored: Sequence[StoredReading], sensor: Sensor) -> Measured:
+        """Return what a sensor makes of a scan."""
+        visible = self.visible(stored) if sensor.hops else frozenset()
+        holes = self._count(visible, sensor) if visible else None
+        if sensor.registered is None:
+            return Measured(holes)
+        return Measured(holes, sensor.registered.complex.sighting(self.readings(stored)))
+
+    def counts_tell_bits(self, sensor: Sensor, crowd: Registered) -> float:
+        """Return what counts tell about the place of a scan, judged by a registered crowd."""
+        if sensor.noise is None:
+            return 0.0
+        seen = [
+            homsense.visible_landmarks(
+                readings,
+                min_rssi_dbm=self.config.min_rssi_dbm,
+                max_age_s=self.config.max_age_s,
+            )
+            for readings in crowd.sample
+        ]
+        counted = [self._count(visible, sensor) if visible else None for visible in seen]
+        made = [number for number, counts in enumerate(counted) if counts is not None]
+        weigh = CodeLikelihood(self.code_map(crowd.map_version, sensor.heights), sensor.noise)
+        return homsense.mean_advantage_bits(
+            weigh, [counted[number] for number in made], crowd.sample_xy[made]
+        )
+
+    def _count(self, visible: frozenset[str], sensor: Sensor) -> tuple[float, ...] | None:
+        """Return the holes near a visible set; None when the complex knows none of it."""
         if sensor.expected == "simulated":
             return self.profiles(sensor.hops).mean_holes(visible)
         levels = self.sense(visible, sensor.hops)
@@ -214,7 +243,7 @@ class Site:
             near_and_far = tuple(wanted or self.config.near_and_far)
             with self._deriving:
                 heights = tuple(self._height(radius) for radius in near_and_far)
-            return Sensor("geometric", near_and_far, heights)
+            return Sensor(near_and_far, "geometric", heights)
         check_simulated(wanted or ())
         return simulated_sensor(self.learnt(), wanted, self.profiles)
 
@@ -241,10 +270,23 @@ class Site:
         self, current: MapVersion, heights: tuple[homsense.HeightMap, ...]
     ) -> homsense.CodeMap:
         """Return height maps of the current map as one look-up table."""
+        reachable = self.reachable(current)
         with self._deriving:
-            if self._codes is None or self._codes[0] != heights:
-                self._codes = heights, homsense.CodeMap.of(current.free_space, heights)
-            return self._codes[1]
+            known = self._codes
+            if known is None or known[0] != heights or known[1].free_space is not reachable:
+                self._codes = known = heights, homsense.CodeMap.of(reachable, heights)
+            return known[1]
+
+    def reachable(self, current: MapVersion) -> homsense.FreeSpace:
+        """Return where devices are looked for: free space, and a little behind its walls."""
+        tolerance_m = self.config.wall_tolerance_m
+        if not tolerance_m:
+            return current.free_space
+        with self._deriving:
+            key = current.digest, tolerance_m
+            if self._reachable is None or self._reachable[0] != key:
+                self._reachable = key, current.free_space.widened(tolerance_m)
+            return self._reachable[1]
 
     def _height(self, hops: int) -> homsense.HeightMap:
         current, config = self.require_map(), self.config

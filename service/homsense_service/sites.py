@@ -2,18 +2,21 @@
 
 import math
 import threading
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
 import homsense
 from homsense.engine import Engine
+from homsense_service.background import Builder
 from homsense_service.errors import SiteNotFoundError
-from homsense_service.expecting import Builder
 from homsense_service.records import SiteConfig, StoredScan
+from homsense_service.registering import CrowdQuestion, walk_scan
 from homsense_service.settings import Settings
 from homsense_service.site import Site
 from homsense_service.store import Store
 from homsense_service.versions import ComplexVersion, MapVersion, WitnessCheck
+
+COMPASS_RAD = 0.07
 
 
 class SiteRegistry:
@@ -109,7 +112,25 @@ class SiteRegistry:
             version = site.absorb(new, self._clock())
         if site.map is not None and site.expecting.current is not None:
             site.expecting.refresh(site.question())
+        if site.map is not None and site.registering.current is not None:
+            site.registering.refresh(self.crowd(site))
         return fresh, version
+
+    def crowd(self, site: Site) -> CrowdQuestion:
+        """Return what the registration of a site depends on now."""
+        version = site.require_map()
+        return CrowdQuestion(
+            version,
+            site.reachable(version),
+            site.tracked,
+            lambda: self._walks(site),
+            COMPASS_RAD if site.config.track_headings == "east" else None,
+        )
+
+    def _walks(self, site: Site) -> Iterator[homsense.WalkScan]:
+        for scan in self._store.scans(site.name):
+            if (walked := walk_scan(scan, site.readings(scan.readings))) is not None:
+                yield walked
 
     def some_scans(self, site: Site) -> list[StoredScan]:
         """Return scans of a site, evenly over the log when there are many."""

@@ -28,7 +28,15 @@ def test_the_bench_writes_what_it_measures(tmp_path: Path) -> None:
     result = runner.invoke(app, arguments)
     assert result.exit_code == 0, result.output
     (row,) = json.loads((tmp_path / "accuracy.json").read_text())["rows"]
-    assert set(row["scores"]) == {"homology", "no homology", "shuffled", "true counts"}
+    assert list(row["scores"]) == [
+        "homology",
+        "no homology",
+        "shuffled",
+        "true counts",
+        "registered",
+        "elsewhere",
+        "both",
+    ]
     assert row["site"]["hops"] == [2, 3]
     assert row["scores"]["homology"]["runs"] == 2
     assert "shuffled" in result.output

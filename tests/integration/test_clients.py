@@ -46,6 +46,8 @@ def test_the_blocking_client_walks_the_whole_path(url: str) -> None:
         receipt = client.post_scans("sync", [*SCANS, {"device": "p"}])
         assert (receipt.accepted, receipt.dropped[0][0]) == (4, 4)
         assert client.get_site("sync").observations == 4
+        assert client.registration("sync").state == "none"
+        assert client.register("sync").tracked == 0
         assert client.get_complex("sync").betti == (1, 1)
         assert len(client.export_complex("sync")["facets"]) == 4
         assert client.local_homology("sync", ["a"]).levels[1].holes == 1
@@ -73,6 +75,7 @@ def test_the_asynchronous_client_walks_the_whole_path(url: str) -> None:
     async def walk() -> None:
         async with AsyncClient(url, timeout_s=PATIENCE_S) as client:
             await client.put_site("async", hops=[1, 2])
+            assert (await client.registration("async")).placed is None
             await client.put_map("async", SITE_MAP)
             receipts = await asyncio.gather(*(client.post_scans("async", [s]) for s in SCANS))
             assert sum(receipt.accepted for receipt in receipts) == 4

@@ -134,13 +134,14 @@ def test_a_recorded_floor_is_read_and_replayed(recordings: Path) -> None:
     others = list(crowd_scans(floor, chain))
     assert not {scan["device"] for scan in others} & set(chain)
     assert not any(
-        set(scan) - {"device", "scan_id", "observed_at", "landmarks"} for scan in others
+        set(scan) - {"device", "scan_id", "observed_at", "landmarks", "track"} for scan in others
     )
     events = walk_events(floor, chain)
     assert [event.t_s for event in events] == sorted(event.t_s for event in events)
     (score,) = run_replay(directory, Replay(("site1_F4",), limit=1), Console(quiet=True))
     assert score.complex.facets > 100
-    assert 0.0 < score.error_m < 250.0
+    assert score.sensor == "registered"
+    assert score.error_m < 10.0
     assert 0.0 < score.baseline_m < 250.0
 
 

@@ -307,7 +307,7 @@ def test_a_session_takes_steps_and_tells_the_pose(api: TestClient, site: str) ->
     assert pose["modes"][0]["weight"] == pose["confidence"]
     assert set(pose["region_area_m2"]) == {"50%", "90%", "95%"}
     seen = _step(api, session, {"seq": 3, "landmarks": ["a"]}).json()
-    assert seen["measurement"] == {"hops": [1, 2], "holes": [0, 1]}
+    assert seen["measurement"] == {"hops": [1, 2], "holes": [0, 1], "resembled": None}
     blind = _step(api, session, {"seq": 4, "landmarks": ["ghost"]}).json()
     assert blind["measurement"] is None
     assert len(api.get(f"/v1/sessions/{session}/particles?n=7").json()["particles"]) == 7
@@ -363,7 +363,7 @@ def test_equal_seeds_and_inputs_give_equal_poses(api: TestClient, site: str) -> 
         ({"prior": {"type": "gaussian", "x_m": 1e5, "y_m": 0, "std_m": 1}}, "prior"),
         ({"prior": {"type": "polygon", "ring": [[0, 0], [9, 9], [9, 0], [0, 9]]}}, "prior.ring"),
         ({"sensor": {"sigma": -1}}, "sensor.sigma"),
-        ({"sensor": {"type": "registered"}}, "sensor.type"),
+        ({"sensor": {"type": "sixth"}}, "sensor.type"),
         ({"motion": {"type": "imu", "sigma_linear": -1}}, "motion"),
         ({"speed": 3}, "speed"),
         ({"scheme": "best"}, "scheme"),

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field, replace
 from itertools import islice
 from pathlib import Path
 from typing import Any, TypeVar
@@ -14,7 +14,6 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from homsense_cli.accuracy.run import (
-    CONTROLS,
     WEAKER,
     Control,
     Filter,
@@ -24,7 +23,7 @@ from homsense_cli.accuracy.run import (
 )
 from homsense_cli.accuracy.scenario import IMUS, Scenario
 from homsense_cli.accuracy.scene import Scene, prepare
-from homsense_cli.accuracy.score import Score, score, sign_test
+from homsense_cli.accuracy.score import Score, Walks, by_walk, score, sign_test
 from homsense_cli.accuracy.walks import Recorded, floor_walks
 from homsense_cli.recorded import chosen_floors
 
@@ -76,27 +75,45 @@ class Row:
     scores : dict of str to Score
         By control.
     p_value : dict of str to float
-        Sign test against a control.
+        Sign test of a sensor against each of its controls.
+    walks : dict of str to Walks
+        Figures walk by walk, for recorded walks.
     """
 
     world: str
     motion: str
     site: dict[str, Any]
     scores: dict[Control, Score]
-    p_value: dict[Control, float]
+    p_value: dict[str, float]
+    walks: dict[Control, Walks] = field(default_factory=dict)
 
     @classmethod
     def of(cls, world: str, motion: str, scene: Scene, runs: Sequence[Runs]) -> "Row":
         """Return the figures of some runs."""
-        tracks = {control: [run[control] for run in runs] for control in CONTROLS}
-        ours = tracks["homology"]
+        tracks = {control: [run[control] for run in runs] for control in runs[0]}
         return cls(
             world,
             motion,
             scene.describe(),
             {control: score(of_control) for control, of_control in tracks.items()},
-            {control: sign_test(ours, tracks[control]) for control in WEAKER},
+            {
+                f"{sensor} > {control}": sign_test(tracks[sensor], tracks[control])
+                for sensor, controls in WEAKER.items()
+                for control in controls
+                if sensor in tracks
+            },
         )
+
+    def by_walk(self, runs: Sequence[Runs], seeds: int) -> "Row":
+        """Return the row with figures walk by walk; a walk has as many runs as seeds."""
+        tracks = {control: [run[control] for run in runs] for control in runs[0]}
+        walks = {
+            control: by_walk(
+                found, {other: tracks[other] for other in WEAKER.get(control, ())}, seeds
+            )
+            for control, found in tracks.items()
+        }
+        return replace(self, walks=walks)
 
     def as_json(self) -> dict[str, Any]:
         """Return the row as JSON data."""
@@ -106,6 +123,7 @@ class Row:
             "site": self.site,
             "scores": {control: found.as_json() for control, found in self.scores.items()},
             "p_value": self.p_value,
+            "walks": {control: asdict(found) for control, found in self.walks.items()},
         }
 
 
@@ -173,11 +191,12 @@ def _measure_floors(
     found = iter(_finished(bars, "phones walk", running))
     by_floor = [list(islice(found, plan.runs * len(walks))) for walks in floors]
     rows = [
-        Row.of(name, "steps", walks[0].scene, runs)
+        Row.of(name, "steps", walks[0].scene, runs).by_walk(runs, plan.runs)
         for name, walks, runs in zip(names, floors, by_floor, strict=True)
     ]
     everything = [run for runs in by_floor for run in runs]
-    return [*rows, Row.of("all floors", "steps", floors[0][0].scene, everything)]
+    total = Row.of("all floors", "steps", floors[0][0].scene, everything)
+    return [*rows, total.by_walk(everything, plan.runs)]
 
 
 def _finished(bars: Progress, what: str, futures: Sequence[Future[Result]]) -> list[Result]:
@@ -200,7 +219,7 @@ def table(rows: Sequence[Row], plan: Plan) -> Table:
     Returns
     -------
     rich.table.Table
-        Four lines a row.
+        A line for each sensor and each control.
     """
     shown = Table(
         box=box.SIMPLE_HEAD,
@@ -212,7 +231,8 @@ def table(rows: Sequence[Row], plan: Plan) -> Table:
             "run, last fifth: median / 90 % of the error; final: median over the last 300 m, its "
             "median over the runs; <: share of the runs by that, %; found: way after which it is "
             "below 25 m for 100 m; in: share of the steps with the truth in the region, %; p: "
-            "sign test that homology beats the control"
+            "sign test that the sensor above beats the control; walks: median over the walks of "
+            "the median error of each, how many end within 15 m, how many beat each control"
         ),
     )
     for heading in HEADINGS:
@@ -226,16 +246,19 @@ def table(rows: Sequence[Row], plan: Plan) -> Table:
 
 LEFT = ("world", "motion", "measured")
 FIGURES = ("run m", "last fifth m", "final m", "<15/25/50 m", "found m", "in 50/90/95 %")
-HEADINGS = (*LEFT, *FIGURES, "p")
+HEADINGS = (*LEFT, *FIGURES, "p", "walks")
 
 
 def lines(row: Row) -> Iterator[tuple[str, ...]]:
     """Yield the cells of a row, one line for each control, as `HEADINGS` names them."""
     first = (row.world, row.motion)
-    for control in CONTROLS:
-        p_value = row.p_value.get(control)
+    sensor = ""
+    for control, found in row.scores.items():
+        sensor = control if control in WEAKER else sensor
+        p_value = row.p_value.get(f"{sensor} > {control}")
         told = "" if p_value is None else f"{p_value:.0e}"
-        yield (*first, control, *_cells(row.scores[control]), told)
+        walks = row.walks.get(control)
+        yield (*first, control, *_cells(found), told, "" if walks is None else str(walks))
         first = ("", "")
 
 

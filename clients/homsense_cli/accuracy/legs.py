@@ -1,4 +1,4 @@
-"""What a robot measures on its way, and what the controls put in place of its counts."""
+"""What a device measures on its way, and what the controls put in place of its counts."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -6,18 +6,34 @@ from dataclasses import dataclass, replace
 import numpy as np
 from homsense_fleet.device import DriveStep, OdometryNoise, drive
 
-from homsense import Delta
+from homsense import Delta, Reading, Sighting
 from homsense_cli.accuracy.scenario import STEP_M, STEP_S, Imu
-from homsense_cli.accuracy.scene import CityScene, Scene
+from homsense_cli.accuracy.scene import CityScene, Scene, heard
 
 
 @dataclass(frozen=True, slots=True)
 class Leg:
-    """A step: where the device is after it, its own account of the motion, and its counts."""
+    """A step of a device.
+
+    Parameters
+    ----------
+    truth : tuple of float
+        Where it is after it, metres.
+    delta : Delta
+        Its own account of the motion.
+    counts : tuple of float, optional
+        Holes that its scan counts.
+    sighting : Sighting, optional
+        What its scan resembles among the crowd.
+    elsewhere : Sighting, optional
+        The same for a scan that somebody made elsewhere.
+    """
 
     truth: tuple[float, float]
     delta: Delta
     counts: tuple[float, ...] | None
+    sighting: Sighting | None = None
+    elsewhere: Sighting | None = None
 
 
 def drive_through(city: CityScene, imu: Imu, run: int, length_m: float) -> list[Leg]:
@@ -43,14 +59,43 @@ def drive_through(city: CityScene, imu: Imu, run: int, length_m: float) -> list[
     noise = OdometryNoise(imu.translation_m, imu.rotation_rad)
     std = (imu.translation_m, imu.translation_m, imu.rotation_rad)
     steps = drive(city.world, rng, length_m=length_m, step_m=STEP_M, noise=noise)
-    return [_leg(city.scene, step, std) for step in steps]
+    return [_leg(city, step, std, rng) for step in steps]
 
 
-def _leg(scene: Scene, step: DriveStep, std: tuple[float, float, float]) -> Leg:
+def _leg(
+    city: CityScene, step: DriveStep, std: tuple[float, float, float], rng: np.random.Generator
+) -> Leg:
     forward, left, turn = (step.delta[axis] for axis in ("forward_m", "left_m", "turn_rad"))
-    seen = [entry["id"] for entry in step.scan]
     delta = Delta(forward, left, turn, dt_s=STEP_S, std=std)
-    return Leg(step.truth[:2], delta, scene.profiles.mean_holes(seen))
+    scene = city.scene
+    counts = scene.profiles.mean_holes([entry["id"] for entry in step.scan])
+    return Leg(step.truth[:2], delta, counts, *sightings(scene, heard(step.scan), rng))
+
+
+def sightings(
+    scene: Scene, readings: Sequence[Reading], rng: np.random.Generator
+) -> tuple[Sighting | None, Sighting | None]:
+    """Return what a scan resembles among the crowd, and what a scan of any other place does.
+
+    Parameters
+    ----------
+    scene : Scene
+        Where.
+    readings : sequence of Reading
+        The scan.
+    rng : numpy.random.Generator
+        Chooses the other place.
+
+    Returns
+    -------
+    tuple of Sighting or None
+        None when the crowd has no place on the map, or too little was heard.
+    """
+    if scene.crowd is None:
+        return None, None
+    other = scene.crowd.scans[rng.integers(len(scene.crowd.scans))]
+    found = scene.crowd.registered
+    return found.sighting(readings), found.sighting(other.readings)
 
 
 def true_counts(scene: Scene, legs: Sequence[Leg]) -> list[Leg]:

@@ -1,23 +1,38 @@
-"""One device, localized from nothing: with its counts, and with each of the three controls."""
+"""One device, localized from nothing: with each sensor, and with each control."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from homsense import FieldNoise, Localizer, LocalizerConfig, Prior, UniformPrior
+from homsense import (
+    JointLikelihood,
+    JointMeasurement,
+    Likelihood,
+    Localizer,
+    LocalizerConfig,
+    Prior,
+    Relocation,
+    UniformPrior,
+)
+from homsense.likelihood import CodeLikelihood
 from homsense_cli.accuracy.legs import Leg, drive_through, shuffled, true_counts
 from homsense_cli.accuracy.scenario import Imu
 from homsense_cli.accuracy.scene import CityScene, Scene
 
 FloatArray = NDArray[np.float64]
-Control = Literal["homology", "no homology", "shuffled", "true counts"]
+Control = Literal[
+    "homology", "no homology", "shuffled", "true counts", "registered", "elsewhere", "both"
+]
 
-CONTROLS: tuple[Control, ...] = ("homology", "no homology", "shuffled", "true counts")
-WEAKER: tuple[Control, ...] = ("no homology", "shuffled")
+WEAKER: dict[Control, tuple[Control, ...]] = {
+    "homology": ("no homology", "shuffled"),
+    "registered": ("no homology", "elsewhere"),
+}
+LOST = 0.0005
 LEVELS = (0.5, 0.9, 0.95)
 
 
@@ -59,7 +74,7 @@ class Filter:
 def run_city(
     city: CityScene, imu: Imu, run: int, length_m: float, how: Filter
 ) -> dict[Control, Track]:
-    """Localize one robot in a generated world, with its counts and with each control.
+    """Localize one robot in a generated world, with each sensor and with each control.
 
     Parameters
     ----------
@@ -77,7 +92,7 @@ def run_city(
     Returns
     -------
     dict of str to Track
-        One for each of `CONTROLS`.
+        As `run_controls` returns them.
     """
     legs = drive_through(city, imu, run, length_m)
     return run_controls(city.scene, legs, (city.scenario.seed, run), how)
@@ -86,7 +101,7 @@ def run_city(
 def run_controls(
     scene: Scene, legs: Sequence[Leg], seed: tuple[int, int], how: Filter
 ) -> dict[Control, Track]:
-    """Localize one device with its counts and with each control.
+    """Localize one device with each sensor and with each control.
 
     Parameters
     ----------
@@ -102,24 +117,53 @@ def run_controls(
     Returns
     -------
     dict of str to Track
-        One for each of `CONTROLS`.
+        ``homology`` counts holes, ``no homology`` knows motion and walls alone, ``shuffled`` has
+        the counts in another order, ``true counts`` those that are expected where the device is.
+        With a registered crowd also ``registered``, ``elsewhere`` with scans of other places, and
+        ``both`` for counts and crowd together.
     """
-    exact = scene.expectation.noise()
-    given: dict[Control, tuple[Sequence[Leg], FieldNoise | None]] = {
-        "homology": (legs, scene.noise),
-        "no homology": (legs, None),
-        "shuffled": (shuffled(legs, [*seed, 4]), scene.noise),
-        "true counts": (true_counts(scene, legs), exact),
+    counting = CodeLikelihood(scene.code_map, scene.noise)
+    exact = CodeLikelihood(scene.code_map, scene.expectation.noise())
+    given: dict[Control, tuple[Likelihood, list[object | None]]] = {
+        "homology": (counting, [leg.counts for leg in legs]),
+        "no homology": (counting, [None for _ in legs]),
+        "shuffled": (counting, [leg.counts for leg in shuffled(legs, [*seed, 4])]),
+        "true counts": (exact, [leg.counts for leg in true_counts(scene, legs)]),
     }
+    if scene.crowd is not None:
+        place = scene.crowd.likelihood
+        joint = JointLikelihood(place, counting)
+        given["registered"] = place, [leg.sighting for leg in legs]
+        given["elsewhere"] = place, [leg.elsewhere for leg in legs]
+        given["both"] = joint, [_both(leg) for leg in legs]
     return {
-        control: localize(scene, measured, noise, seed[1], how)
-        for control, (measured, noise) in given.items()
+        control: localize(scene, legs, Sensed(*sensed), seed[1], how)
+        for control, sensed in given.items()
     }
 
 
-def localize(
-    scene: Scene, legs: Sequence[Leg], noise: FieldNoise | None, seed: int, how: Filter
-) -> Track:
+def _both(leg: Leg) -> JointMeasurement | None:
+    if leg.sighting is None and leg.counts is None:
+        return None
+    return JointMeasurement(leg.sighting, leg.counts)
+
+
+class Sensed(NamedTuple):
+    """A sensor model, and what was measured on each leg.
+
+    Parameters
+    ----------
+    likelihood : Likelihood
+        The model.
+    measured : list
+        One for each leg; None where there is nothing to weigh.
+    """
+
+    likelihood: Likelihood
+    measured: list[object | None]
+
+
+def localize(scene: Scene, legs: Sequence[Leg], sensed: Sensed, seed: int, how: Filter) -> Track:
     """Localize one device.
 
     Parameters
@@ -127,9 +171,9 @@ def localize(
     scene : Scene
         Where.
     legs : sequence of Leg
-        What the device measures.
-    noise : FieldNoise, optional
-        Error of the counts; without it nothing is weighed.
+        How the device moves.
+    sensed : Sensed
+        What it measures on the way.
     seed : int
         Of the particles.
     how : Filter
@@ -140,14 +184,19 @@ def localize(
     Track
         Step by step.
     """
-    expected = scene.expectation
-    config = LocalizerConfig(particles=how.particles, noise=noise or scene.noise, prior=how.prior)
-    heights = (*expected.heights, *expected.spreads)
-    localizer = Localizer(scene.site_map, heights, config, free_space=scene.free_space)
+    counts = isinstance(sensed.likelihood, CodeLikelihood)
+    config = LocalizerConfig(
+        particles=how.particles,
+        prior=how.prior,
+        recovery=Relocation() if counts else Relocation(LOST),
+    )
+    localizer = Localizer(
+        scene.site_map, (), config, free_space=scene.free_space, likelihood=sensed.likelihood
+    )
     state = localizer.start(seed)
     errors, inside = [], []
-    for leg in legs:
-        state, pose = localizer.step(state, leg.delta, None if noise is None else leg.counts)
+    for leg, measured in zip(legs, sensed.measured, strict=True):
+        state, pose = localizer.step(state, leg.delta, measured)
         best = pose.modes[0]
         errors.append(math.dist((best.x_m, best.y_m), leg.truth))
         inside.append([pose.holds(*leg.truth, level) for level in LEVELS])

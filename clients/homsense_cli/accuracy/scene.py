@@ -1,27 +1,99 @@
 """A site that has tuned itself to the scans of a crowd, without any position."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from homsense_fleet.driver import Crowd
 from homsense_fleet.world import World
 
 from homsense import (
+    CodeMap,
     Expectation,
     FieldNoise,
     FreeSpace,
+    Hearing,
+    InvalidInputError,
     LandmarkComplex,
+    PlaceLikelihood,
     Profiles,
     RadioModel,
+    Reading,
+    RegisteredComplex,
     SiteMap,
+    WalkScan,
     estimate_radio,
     expect,
+    mean_advantage_bits,
+    register_crowd,
 )
 from homsense.expectation import HOPS
+from homsense.likelihood import CodeLikelihood
 from homsense_cli.accuracy.scenario import Scenario
 
 CELL_M = 2.0
+
+
+BLOCK_M = 3.0
+COMPASS_RAD = 0.07
+WEAKEST_DBM = -95.0
+SAMPLED = 200
+
+
+@dataclass(frozen=True)
+class RegisteredCrowd:
+    """A crowd that has found its place on the map.
+
+    Parameters
+    ----------
+    scans : list of WalkScan
+        All of it.
+    registered : RegisteredComplex
+        With places.
+    likelihood : PlaceLikelihood
+        Of a scan, over the map.
+    """
+
+    scans: list[WalkScan]
+    registered: RegisteredComplex
+    likelihood: PlaceLikelihood
+
+    @classmethod
+    def of(
+        cls,
+        scans: Iterable[WalkScan],
+        ground: FreeSpace,
+        reachable: FreeSpace,
+        hearing: Hearing | None = None,
+    ) -> "RegisteredCrowd | None":
+        """Return the crowd of some scans.
+
+        Parameters
+        ----------
+        scans : iterable of WalkScan
+            The crowd, which knows east.
+        ground : FreeSpace
+            Where the map says that one can be.
+        reachable : FreeSpace
+            Where devices are looked for.
+        hearing : Hearing, optional
+            What of a scan counts.
+
+        Returns
+        -------
+        RegisteredCrowd or None
+            Placed without any label; None when it finds no place.
+        """
+        everything = list(scans)
+        try:
+            found = register_crowd(
+                everything, ground, hearing=hearing, rotation_sd_rad=COMPASS_RAD
+            )
+        except InvalidInputError:
+            return None
+        likelihood = PlaceLikelihood(found, CodeMap.blocks(reachable, BLOCK_M))
+        return cls(everything, found, likelihood)
 
 
 @dataclass(frozen=True)
@@ -44,6 +116,10 @@ class Scene:
         Of the counts.
     noise : FieldNoise
         Their error.
+    seen : list of frozenset of str
+        What the scans of the crowd have heard.
+    crowd : RegisteredCrowd, optional
+        The crowd on the map, where phones keep account of their motion.
     """
 
     site_map: SiteMap
@@ -53,6 +129,8 @@ class Scene:
     radio: RadioModel
     expectation: Expectation
     noise: FieldNoise
+    seen: list[frozenset[str]]
+    crowd: RegisteredCrowd | None = None
 
     @classmethod
     def of(
@@ -61,6 +139,7 @@ class Scene:
         free_space: FreeSpace,
         crowd: Iterable[frozenset[str]],
         model: tuple[RadioModel, Expectation],
+        registered: RegisteredCrowd | None = None,
     ) -> "Scene":
         """Return the scene of a crowd's scans.
 
@@ -74,21 +153,49 @@ class Scene:
             What each scan has heard.
         model : tuple of RadioModel and Expectation
             From `tuned`.
+        registered : RegisteredCrowd, optional
+            The same crowd on the map.
 
         Returns
         -------
         Scene
             Ready for robots.
         """
-        grown = LandmarkComplex.from_observations(seen for seen in crowd if seen)
+        heard_by = list(crowd)
+        grown = LandmarkComplex.from_observations(seen for seen in heard_by if seen)
         radio, expectation = model
         profiles = Profiles(grown, expectation.hops)
         noise = expectation.noise(profiles.table(sorted(grown.landmarks)))
-        return cls(site_map, free_space, grown, profiles, radio, expectation, noise)
+        return cls(
+            site_map, free_space, grown, profiles, radio, expectation, noise, heard_by, registered
+        )
+
+    @cached_property
+    def code_map(self) -> CodeMap:
+        """What is expected where."""
+        expected = self.expectation
+        return CodeMap.of(self.free_space, (*expected.heights, *expected.spreads))
+
+    def counts_tell_bits(self, crowd: RegisteredCrowd) -> float:
+        """Return what counts tell about the place of a scan, judged by the registered crowd."""
+        some = range(0, crowd.registered.size, max(1, crowd.registered.size // SAMPLED))
+        counted = {
+            number: self.profiles.mean_holes(self.seen[crowd.registered.source[number]])
+            for number in some
+        }
+        made = [number for number, counts in counted.items() if counts is not None]
+        weigh = CodeLikelihood(self.code_map, self.noise)
+        places = crowd.registered.xy[made]
+        return mean_advantage_bits(weigh, [counted[number] for number in made], places)
 
     def describe(self) -> dict[str, Any]:
         """Return what the site has learnt about itself."""
+        placed = self.crowd and self.crowd.registered.registration
         return {
+            "counts_tell_bits": self.crowd and round(self.counts_tell_bits(self.crowd), 2),
+            "registration_cost_m": placed and round(placed.cost_m, 2),
+            "registration_margin_m": placed and round(placed.margin_m, 2),
+            "mirror_margin_m": placed and round(placed.mirror_margin_m, 2),
             "structures": len(self.site_map.structures),
             "betti": list(self.grown.betti_numbers()),
             "landmarks": self.grown.n_landmarks,
@@ -159,10 +266,40 @@ def prepare(scenario: Scenario, hops: Sequence[int] | None = None) -> CityScene:
     site_map = SiteMap.from_geojson(world.map_document())
     free_space = FreeSpace.of(site_map, CELL_M)
     phones = Crowd(scenario.seed, scenario.phones, scenario.scans_each)
-    crowd = [
-        frozenset(entry["id"] for entry in scan["landmarks"])
-        for number in range(phones.phones)
-        for scan in phones.scans(world, number)
-    ]
+    scans = [scan for number in range(phones.phones) for scan in phones.scans(world, number)]
+    crowd = [frozenset(entry["id"] for entry in scan["landmarks"]) for scan in scans]
     model = tuned(free_space, crowd, hops, scenario.seed)
-    return CityScene(scenario, world, Scene.of(site_map, free_space, crowd, model))
+    walks = RegisteredCrowd.of(
+        map(walk_scan, scans), free_space, free_space, Hearing(weakest_dbm=WEAKEST_DBM)
+    )
+    return CityScene(scenario, world, Scene.of(site_map, free_space, crowd, model, walks))
+
+
+def walk_scan(scan: Mapping[str, Any]) -> WalkScan:
+    """Return a scan as the service takes it as one of a walk.
+
+    Parameters
+    ----------
+    scan : mapping
+        With ``track``.
+
+    Returns
+    -------
+    WalkScan
+        The same.
+    """
+    track = scan["track"]
+    return WalkScan(
+        f"{scan['device']} {track['id']}",
+        scan["observed_at"],
+        track["x_m"],
+        track["y_m"],
+        heard(scan["landmarks"]),
+    )
+
+
+def heard(landmarks: Iterable[Mapping[str, Any]]) -> tuple[Reading, ...]:
+    """Return readings that are written as the service takes them."""
+    return tuple(
+        Reading(entry["id"], entry["rssi"], entry.get("age_s", 0.0)) for entry in landmarks
+    )

@@ -1,7 +1,7 @@
 """From tracks to figures: errors, shares, convergence, coverage and sign tests."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -59,6 +59,73 @@ class Score:
             name: round(value, 3) if isinstance(value, float) else value
             for name, value in asdict(self).items()
         }
+
+
+@dataclass(frozen=True, slots=True)
+class Walks:
+    """Figures walk by walk: each walk counts once, by the median over its seeds.
+
+    Parameters
+    ----------
+    walks : int
+        How many.
+    median_m : float
+        Median over the walks of the median error of each, metres.
+    mean_m : float
+        Mean of the same, metres.
+    last_within_15_m : int
+        Walks whose median error over the last fifth is at most 15 m.
+    beats : dict of str to int
+        Walks with a smaller median error than with each control.
+    """
+
+    walks: int
+    median_m: float
+    mean_m: float
+    last_within_15_m: int
+    beats: dict[str, int]
+
+    def __str__(self) -> str:
+        """Return the figures for people."""
+        beats = "/".join(str(count) for count in self.beats.values())
+        return f"{self.median_m:.1f} m {self.last_within_15_m} {beats}".strip()
+
+
+def by_walk(tracks: Sequence[Track], controls: Mapping[str, Sequence[Track]], seeds: int) -> Walks:
+    """Return the figures walk by walk.
+
+    Parameters
+    ----------
+    tracks : sequence of Track
+        Runs, those of a walk together.
+    controls : mapping of str to sequence of Track
+        The same walks with what they are compared with.
+    seeds : int
+        Runs of a walk.
+
+    Returns
+    -------
+    Walks
+        Medians over the seeds.
+    """
+
+    def medians(of: Sequence[Track], last: bool) -> np.ndarray[Any, np.dtype[np.float64]]:  # noqa: FBT001 - of two
+        found = [
+            np.median(track.error_m[-_last(track) :] if last else track.error_m) for track in of
+        ]
+        return np.median(np.reshape(found, (-1, seeds)), axis=1)
+
+    ours = medians(tracks, last=False)
+    return Walks(
+        len(ours),
+        round(float(np.median(ours)), 2),
+        round(float(np.mean(ours)), 2),
+        int(np.sum(medians(tracks, last=True) <= WITHIN_M[0])),
+        {
+            control: int(np.sum(ours < medians(theirs, last=False)))
+            for control, theirs in controls.items()
+        },
+    )
 
 
 def score(tracks: Sequence[Track]) -> Score:

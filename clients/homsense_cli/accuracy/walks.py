@@ -1,17 +1,22 @@
 """Recorded walks: each against the complex of all other phones of its floor."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
-from homsense import Delta, FreeSpace, HeadingPrior, Prior, Reading, SiteMap, UniformPrior
+import numpy as np
+
+from homsense import Delta, FreeSpace, HeadingPrior, Hearing, Prior, Reading, SiteMap, UniformPrior
 from homsense import visible_landmarks as visible
-from homsense_cli.accuracy.legs import Leg
-from homsense_cli.accuracy.scene import Scene, tuned
+from homsense_cli.accuracy.legs import Leg, sightings
+from homsense_cli.accuracy.scene import RegisteredCrowd, Scene, heard, tuned, walk_scan
 from homsense_cli.recorded import (
     HEADING_STD_RAD,
+    MIN_CHAIN_M,
     STEP_STD,
+    WALL_TOLERANCE_M,
     Floor,
     WalkEvent,
     body_motion,
@@ -24,6 +29,7 @@ from homsense_cli.recorded import (
 Seen = Callable[[list[dict[str, Any]]], frozenset[str]]
 
 CELL_M = 1.0
+BINARY_DBM = -65.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +48,14 @@ class Recorded:
         Oldest sighting that counts, seconds.
     limit : int, optional
         Most walks of a floor.
+    min_chain_m : float
+        Shortest walk, metres.
+    binary : bool
+        Whether the registered complex knows only which transmitters are in view.
+    compass : bool
+        Whether the phone that is localized has one.
+    crowd : float
+        Share of the phones that make up the crowd.
     """
 
     directory: Path
@@ -49,6 +63,17 @@ class Recorded:
     min_rssi_dbm: float = -60.0
     max_age_s: float = 3.0
     limit: int | None = None
+    min_chain_m: float = MIN_CHAIN_M
+    binary: bool = False
+    compass: bool = True
+    crowd: float = 1.0
+
+    @property
+    def hearing(self) -> Hearing:
+        """What of a scan counts for likeness."""
+        if self.binary:
+            return Hearing(weakest_dbm=BINARY_DBM, exponent=0.0)
+        return Hearing()
 
 
 @dataclass(frozen=True)
@@ -78,7 +103,7 @@ def floor_walks(recorded: Recorded, name: str, hops: tuple[int, ...] | None) -> 
         Range, dropout and evenness are learnt once for the floor; the complex of each walk holds
         the scans of all other phones.
     """
-    floor = read_floor(recorded.directory, name)
+    floor = read_floor(recorded.directory, name, recorded.min_chain_m)
     site_map = SiteMap.from_geojson(floor.map_document)
     free_space = FreeSpace.of(site_map, CELL_M)
 
@@ -88,23 +113,37 @@ def floor_walks(recorded: Recorded, name: str, hops: tuple[int, ...] | None) -> 
 
     everything = [seen(scan["landmarks"]) for scan in crowd_scans(floor, [])]
     model = tuned(free_space, everything, hops, seed=0)
+    reachable = free_space.widened(WALL_TOLERANCE_M)
     walks = []
-    for chain in floor.chains[: recorded.limit]:
-        crowd = [seen(scan["landmarks"]) for scan in crowd_scans(floor, chain)]
-        scene = Scene.of(site_map, free_space, crowd, model)
-        legs = list(_legs(scene, walk_events(floor, chain), seen))
-        walks.append(Walk(scene, legs, _compass(floor, chain)))
+    for number, chain in enumerate(floor.chains[: recorded.limit]):
+        scans = list(_thinned(crowd_scans(floor, chain), recorded.crowd))
+        placed = RegisteredCrowd.of(map(walk_scan, scans), free_space, reachable, recorded.hearing)
+        crowd = [seen(scan["landmarks"]) for scan in scans]
+        scene = Scene.of(site_map, reachable, crowd, model, placed)
+        rng = np.random.default_rng(number)
+        legs = list(_legs(scene, walk_events(floor, chain), seen, rng))
+        prior = _compass(floor, chain) if recorded.compass else UniformPrior()
+        walks.append(Walk(scene, legs, prior))
     return walks
 
 
-def _legs(scene: Scene, events: list[WalkEvent], seen: Seen) -> Iterator[Leg]:
+def _thinned(scans: Iterable[dict[str, Any]], share: float) -> Iterator[dict[str, Any]]:
+    """Yield the scans of a share of the phones."""
+    for scan in scans:
+        if crc32(scan["device"].encode()) < share * 2**32:
+            yield scan
+
+
+def _legs(
+    scene: Scene, events: list[WalkEvent], seen: Seen, rng: np.random.Generator
+) -> Iterator[Leg]:
     for event in events:
-        delta, counts = Delta(), None
         if event.delta is not None:
-            delta = Delta(*body_motion(event.delta), std=STEP_STD)
+            yield Leg(event.truth, Delta(*body_motion(event.delta), std=STEP_STD), None)
         if event.readings is not None:
             counts = scene.profiles.mean_holes(seen(event.readings))
-        yield Leg(event.truth, delta, counts)
+            found = sightings(scene, heard(event.readings), rng)
+            yield Leg(event.truth, Delta(), counts, *found)
 
 
 def _compass(floor: Floor, chain: list[str]) -> Prior:

@@ -17,6 +17,7 @@ from homsense_service.schemas.poses import (
     PoseOut,
     SessionOut,
 )
+from homsense_service.schemas.registrations import PlacedOut, PlacementOut, RegistrationOut
 from homsense_service.schemas.scans import (
     ComplexOut,
     Dropped,
@@ -101,6 +102,8 @@ __all__ = [
     "OdometryIn",
     "Origin",
     "ParticlesOut",
+    "PlacedOut",
+    "PlacementOut",
     "PolygonIn",
     "PoseOut",
     "PriorIn",
@@ -110,6 +113,7 @@ __all__ = [
     "RangePointOut",
     "RawComplexOut",
     "ReadingIn",
+    "RegistrationOut",
     "ScanIn",
     "ScansIn",
     "ScansOut",

@@ -6,6 +6,8 @@ from pydantic import Field
 
 from homsense_service.schemas.wire import Origin, Wire
 
+Status = Literal["initializing", "diffuse", "ambiguous", "tracking", "suspect", "unmapped"]
+
 
 class HeadingOut(Wire):
     """A circular mean and how much the directions agree."""
@@ -35,11 +37,15 @@ class BestPose(Wire):
 
 
 class MeasurementOut(Wire):
-    """What the sensor counted."""
+    """What the scan was worth."""
 
-    hops: list[int]
-    holes: list[float] = Field(
-        description="Of the visible set; the mean over its landmarks when simulated."
+    hops: list[int] = Field(description="Neighborhoods; empty when nothing is counted.")
+    holes: list[float] | None = Field(
+        description="Of the visible set; the mean over its landmarks when simulated; null when "
+        "nothing is counted."
+    )
+    resembled: int | None = Field(
+        description="Scans of the crowd that it resembles; null without a registered crowd."
     )
 
 
@@ -63,12 +69,17 @@ class PoseOut(Wire):
     seq: int
     tick: int
     t: float | None
-    status: Literal["initializing", "diffuse", "ambiguous", "tracking", "suspect"]
+    status: Status = Field(
+        description="unmapped: a registered crowd has not been where most of the mass lies."
+    )
     pose: BestPose | None = Field(description="null unless ambiguous or tracking.")
     confidence: float = Field(description="Mass of the top mode.")
     modes: list[ModeOut]
     region_area_m2: dict[str, float]
     measurement: MeasurementOut | None
+    coverage: float | None = Field(
+        description="Mass where the crowd has been; null without a registered crowd."
+    )
     health: HealthOut
     map_version: str
     digest: str = Field(description="Hash of the particles: equal for equal inputs.")
@@ -82,8 +93,11 @@ class SessionOut(Wire):
     site: str
     map_version: str
     seed: int
-    hops: list[int]
-    expected: Literal["simulated", "geometric"]
+    sensor: Literal["homology", "registered", "both"]
+    hops: list[int] = Field(description="Neighborhoods; empty when nothing is counted.")
+    expected: Literal["simulated", "geometric"] | None = Field(
+        description="null when nothing is counted."
+    )
     r_geo_m: list[float] | None = Field(description="null when simulated.")
     correlation_m: float = Field(description="Way after which the error is new, metres.")
     pose: PoseOut

@@ -9,10 +9,12 @@ from shapely.geometry import Polygon
 import homsense
 from homsense_service.own_motion import Motion, Walked
 from homsense_service.schemas.wire import HopList, Landmarks, Moment, Wire, unix_seconds
+from homsense_service.sensors import Kind, Sensor
 
 _IMU, _NOISE, _ODOMETRY = homsense.ImuMotion(), homsense.CountNoise(), homsense.OdometryMotion()
 _KLD, _AMCL, _RELOCATION = homsense.KldSampling(), homsense.AugmentedMcl(), homsense.Relocation()
 _DEFAULTS = homsense.LocalizerConfig()
+LOST = 0.0005
 
 
 class HeadingIn(Wire):
@@ -92,9 +94,16 @@ MotionIn = Annotated[OdometryIn | ImuIn, Field(discriminator="type")]
 
 
 class SensorIn(Wire):
-    """The homological sensor and its error."""
+    """What a session measures, and the error of that."""
 
-    type: Literal["homology", "auto"] = "homology"
+    type: Literal["homology", "registered", "both", "auto"] = Field(
+        default="auto",
+        description="homology: holes are counted. registered: a scan is recognized among those of "
+        "the crowd, whose tracks have been placed on the map. both: the two together. auto: "
+        "registered where a crowd with tracks has found its place beyond doubt, both where counts "
+        "agree with those places, too; else homology, and always when hops or "
+        "expected are given.",
+    )
     hops: HopList | None = Field(default=None, description="The site's when absent.")
     expected: Literal["simulated", "geometric"] | None = Field(
         default=None, description="How counts are expected; the site's when absent."
@@ -112,8 +121,8 @@ class SensorIn(Wire):
         default=None,
         gt=0,
         le=1e6,
-        description="Way after which the error is new, metres; when absent as simulated, or "
-        f"{_NOISE.correlation_m:.0f}.",
+        description="Way after which the error of the counts is new, metres; when absent as "
+        f"simulated, or {_NOISE.correlation_m:.0f}.",
     )
 
     def to_noise(self, of_site: homsense.FieldNoise | None) -> homsense.Noise:
@@ -130,16 +139,20 @@ class RelocationIn(Wire):
     """A standing hypothesis that the pose was lost; new particles come from p(x | z)."""
 
     type: Literal["relocation"]
-    probability: float = Field(
-        default=_RELOCATION.probability,
+    probability: float | None = Field(
+        default=None,
         ge=0,
         lt=1,
-        description="Between two independent measurements.",
+        description="Between two independent measurements; when absent "
+        f"{_RELOCATION.probability} for counts and {LOST} among the crowd, whose measurements are "
+        "independent after a few metres.",
     )
 
-    def to_recovery(self) -> homsense.Recovery:
+    def to_recovery(self, sensor: Kind) -> homsense.Recovery:
         """Return the value."""
-        return homsense.Relocation(self.probability)
+        if self.probability is not None:
+            return homsense.Relocation(self.probability)
+        return _RELOCATION if sensor == "homology" else homsense.Relocation(LOST)
 
 
 class AmclIn(Wire):
@@ -149,7 +162,7 @@ class AmclIn(Wire):
     recovery_alpha_slow: float = Field(default=_AMCL.alpha_slow, ge=0, le=1)
     recovery_alpha_fast: float = Field(default=_AMCL.alpha_fast, ge=0, le=1)
 
-    def to_recovery(self) -> homsense.Recovery:
+    def to_recovery(self, _sensor: Kind) -> homsense.Recovery:
         """Return the value."""
         return homsense.AugmentedMcl(self.recovery_alpha_slow, self.recovery_alpha_fast)
 
@@ -159,7 +172,7 @@ class NoRecoveryIn(Wire):
 
     type: Literal["none"]
 
-    def to_recovery(self) -> None:
+    def to_recovery(self, _sensor: Kind) -> None:
         """Return nothing."""
 
 
@@ -197,6 +210,9 @@ class SessionIn(Wire):
     scheme: Literal["systematic", "stratified", "residual", "multinomial"] = "systematic"
     recovery: RecoveryIn = RelocationIn(type="relocation")
     adaptive: AdaptiveIn | None = None
+    contribute: bool = Field(
+        default=False, description="Whether its scans join the crowd of the site, with its track."
+    )
     weigh_every_m: float = Field(
         default=_DEFAULTS.weigh_every_m,
         ge=0,
@@ -204,18 +220,16 @@ class SessionIn(Wire):
         description="A device that has moved less learns nothing from another scan, metres.",
     )
 
-    def to_localizer_config(
-        self, cell_m: float, noise: homsense.FieldNoise | None
-    ) -> homsense.LocalizerConfig:
+    def to_localizer_config(self, cell_m: float, sensor: Sensor) -> homsense.LocalizerConfig:
         """Return the value."""
         return homsense.LocalizerConfig(
             particles=self.particles,
             motion=self.motion.to_model(),
-            noise=self.sensor.to_noise(noise),
+            noise=self.sensor.to_noise(sensor.noise),
             prior=_prior(self.prior),
             resample_below=self.resample_below,
             scheme=self.scheme,
-            recovery=self.recovery.to_recovery(),
+            recovery=self.recovery.to_recovery(sensor.kind),
             adaptive=None if self.adaptive is None else self.adaptive.to_sampling(),
             weigh_every_m=self.weigh_every_m,
             cell_m=cell_m,

@@ -4,9 +4,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, StringConstraints, model_validator
 
-from homsense_service.expecting import check_simulated
 from homsense_service.records import NEAR_AND_FAR, SiteConfig
 from homsense_service.schemas.wire import HopList, Origin, Wire
+from homsense_service.sensors import check_simulated
 
 MAX_QUORUM = 4
 DAY_S = 86_400.0
@@ -63,6 +63,16 @@ class SiteIn(Wire):
         description="Geodetic radius of each neighborhood; calibrated from the scans when absent.",
     )
     origin: Origin | None = Field(default=None, description="Georeference of a local map.")
+    track_headings: Literal["east", "common"] = Field(
+        default="east",
+        description="Whether the x axis of every track points east, or only the same way for all.",
+    )
+    wall_tolerance_m: float = Field(
+        default=0.0,
+        ge=0,
+        le=100,
+        description="How far behind a wall a device may still be, metres; 1 for a floor plan.",
+    )
 
     @model_validator(mode="after")
     def _consistent(self) -> "SiteIn":
@@ -95,6 +105,8 @@ class SiteIn(Wire):
             r_geo_m=None if self.r_geo_m is None else tuple(self.r_geo_m),
             distance=self.distance,
             origin=None if self.origin is None else (self.origin.lat, self.origin.lon),
+            track_headings=self.track_headings,
+            wall_tolerance_m=self.wall_tolerance_m,
         )
 
     @classmethod
@@ -120,6 +132,8 @@ class SiteIn(Wire):
             origin=None
             if config.origin is None
             else Origin(lat=config.origin[0], lon=config.origin[1]),
+            track_headings=config.track_headings,
+            wall_tolerance_m=config.wall_tolerance_m,
         )
 
 

@@ -1,6 +1,7 @@
 """The simulated world is the one it promises, and its devices keep to it."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -80,7 +81,17 @@ def test_phones_walk_outside_buildings_and_post_what_the_contract_takes() -> Non
     assert 30 <= len(scans) <= 40
     assert len({scan["scan_id"] for scan in scans}) == len(scans)
     assert all(entry["rssi"] < -30 for scan in scans for entry in scan["landmarks"])
-    assert not any(key in scan for scan in scans for key in ("x", "y", "position", "track"))
+    assert not any(key in scan for scan in scans for key in ("x", "y", "position"))
+
+
+def test_phones_keep_account_of_their_steps_from_where_they_began() -> None:
+    world = downtown_44(5)
+    tracks = [
+        scan["track"] for scan in phone_scans(world, "p", np.random.default_rng(3), count=40)
+    ]
+    assert (tracks[0]["x_m"], tracks[0]["y_m"]) == (0.0, 0.0)
+    ways = [math.dist(*pair) for pair in pairwise((t["x_m"], t["y_m"]) for t in tracks)]
+    assert 5.0 < np.median(ways) < 20.0
 
 
 def test_any_geojson_map_can_be_loaded() -> None:

@@ -74,8 +74,10 @@ def test_a_foreign_map_costs_more_and_a_crowd_without_likeness_is_refused() -> N
         ),
     )
     foreign = register_crowd(building.crowd(10, 40), mirrored)
-    cost = found.registration.placements[0].cost_m
-    assert foreign.registration.placements[0].cost_m > 1.5 * cost
+    cost = found.registration.cost_m
+    assert foreign.registration.cost_m > 1.5 * cost
+    assert foreign.registration.is_doubtful
+    assert not found.registration.is_doubtful
     strangers = [
         WalkScan(
             f"w{walk}",
@@ -129,7 +131,7 @@ def test_a_placement_is_found_from_every_direction() -> None:
     for turn in (0.3, 1.7, 4.0):
         cos, sin = math.cos(turn), math.sin(turn)
         turned = truth @ np.array([[cos, sin], [-sin, cos]]) / 1.2 + (300.0, -40.0)
-        best = register(turned, building.free_space).placements[0]
+        best = min(register(turned, building.free_space), key=lambda found: found.cost_m)
         assert np.median(np.linalg.norm(best.place(turned) - truth, axis=1)) < 3.0
 
 

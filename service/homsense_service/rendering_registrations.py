@@ -1,0 +1,67 @@
+"""How the crowd of a site lies on its map -> wire."""
+
+from typing import Any
+
+import numpy as np
+
+from homsense.registered.complex import STAGES
+from homsense_service import schemas
+from homsense_service.registering import HEARINGS, Registered
+from homsense_service.site import Site
+
+
+def render_registration(site: Site) -> schemas.RegistrationOut:
+    """Return how far a registration is."""
+    progress, known = site.registering.progress, site.registering.current
+    return schemas.RegistrationOut(
+        state=progress.state,
+        done=progress.done,
+        of=len(STAGES) * len(HEARINGS),
+        reason=progress.reason,
+        tracked=site.tracked,
+        placed=None if known is None else _placed(known),
+    )
+
+
+def _placed(known: Registered) -> schemas.PlacedOut:
+    found = known.complex
+    return schemas.PlacedOut(
+        map_version=known.map_version.digest,
+        tracked=known.tracked,
+        scans=found.size,
+        walks=len(np.unique(found.walk)),
+        reach_m=found.reach_m,
+        weakest_dbm=found.hearing.weakest_dbm,
+        cost_m=found.registration.cost_m,
+        margin_m=found.registration.margin_m,
+        mirror_margin_m=found.registration.mirror_margin_m,
+        doubtful=found.registration.is_doubtful,
+        coverage=known.coverage,
+        placements=[
+            schemas.PlacementOut(
+                rotation_rad=placement.rotation_rad,
+                scale=placement.scale,
+                cost_m=placement.cost_m,
+            )
+            for placement in found.registration.placements
+        ],
+    )
+
+
+def render_registered_scans(site: Site) -> dict[str, Any]:
+    """Return where the scans of a crowd were made, as GeoJSON in the frame of the map."""
+    known = site.registering.current
+    if known is None:
+        return {"type": "FeatureCollection", "features": []}
+    site_map, found = known.map_version.site_map, known.complex
+    places = found.xy if site_map.origin is None else site_map.to_wgs84(found.xy)
+    features = [
+        {
+            "type": "Feature",
+            "properties": {"walk": int(walk)},
+            "geometry": {"type": "Point", "coordinates": place},
+        }
+        for walk, place in zip(found.walk, places.tolist(), strict=True)
+    ]
+    frame = {"frame": "local"} if site_map.origin is None else {}
+    return {"type": "FeatureCollection", **frame, "features": features}

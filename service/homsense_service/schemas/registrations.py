@@ -1,0 +1,51 @@
+"""How the crowd of a site lies on its map, on the wire."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from homsense_service.schemas.wire import Wire
+
+
+class PlacementOut(Wire):
+    """One way to lay the crowd on the map."""
+
+    rotation_rad: float = Field(description="From the headings of the crowd to those of the map.")
+    scale: float = Field(description="Of the lengths of the layout.")
+    cost_m: float = Field(
+        description="Mean distance from the scans to the ground and from the ground to the scans, "
+        "both bounded, and what rotation and scale are unlikely by."
+    )
+
+
+class PlacedOut(Wire):
+    """The crowd on the map."""
+
+    map_version: str
+    tracked: int = Field(description="Scans with tracks that there were.")
+    scans: int = Field(description="Those that hang together and have a place.")
+    walks: int
+    reach_m: float = Field(description="Distance over which scans hear alike, metres.")
+    weakest_dbm: float = Field(description="Weakest strength that counted.")
+    cost_m: float
+    margin_m: float = Field(description="How much worse the next placement is, metres.")
+    mirror_margin_m: float = Field(
+        description="How much worse the mirror image of the crowd fits, metres: a control."
+    )
+    doubtful: bool = Field(
+        description="Whether another placement is nearly as good, or the mirror image is, as on a "
+        "wrong map."
+    )
+    coverage: float = Field(description="Share of the map where the crowd has been.")
+    placements: list[PlacementOut]
+
+
+class RegistrationOut(Wire):
+    """How far the registration of a crowd is, and where the last one lies."""
+
+    state: Literal["none", "building", "ready", "failed"]
+    done: int = Field(description="Stages that have been reached.")
+    of: int
+    reason: str | None = Field(description="Why it failed.")
+    tracked: int = Field(description="Scans with tracks that there are now.")
+    placed: PlacedOut | None

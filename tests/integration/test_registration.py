@@ -1,0 +1,157 @@
+"""Over REST: a crowd finds its place on the map, and a session finds itself among it."""
+
+import math
+import time
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from fastapi.testclient import TestClient
+from homsense_client import Registration
+from homsense_service.app import create_app
+from homsense_service.settings import Settings
+from shapely.geometry import mapping
+from support.corridors import Building
+
+from homsense import Reading, WalkScan
+
+SITE = "/v1/sites/floor"
+BUILDING = Building.of(0)
+
+
+def map_document() -> dict[str, Any]:
+    features = [{"type": "Feature", "properties": {"role": "domain"},
+        "geometry": mapping(BUILDING.site_map.domain)}]  # fmt: skip
+    features += [
+        {"type": "Feature", "properties": {}, "geometry": mapping(structure)}
+        for structure in BUILDING.site_map.structures
+    ]
+    return {"type": "FeatureCollection", "frame": "local", "features": features}
+
+
+def heard(readings: tuple[Reading, ...]) -> list[dict[str, Any]]:
+    return [{"id": reading.landmark, "rssi": reading.rssi_dbm} for reading in readings]
+
+
+def posted(scan: WalkScan) -> dict[str, Any]:
+    return {
+        "device": scan.walk,
+        "scan_id": str(scan.t_s),
+        "observed_at": scan.t_s,
+        "landmarks": heard(scan.readings),
+        "track": {"id": "1", "x_m": scan.x_m, "y_m": scan.y_m},
+    }
+
+
+def ready(api: TestClient) -> dict[str, Any]:
+    for _ in range(600):
+        told: dict[str, Any] = api.get(f"{SITE}/registration").json()
+        if told["state"] in {"ready", "failed"}:
+            return told
+        time.sleep(0.1)
+    raise AssertionError(told)
+
+
+@pytest.fixture(scope="module")
+def floor(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
+    settings = Settings(data=tmp_path_factory.mktemp("data"), cell_m=1.0, expectation_wait_s=120.0)
+    with TestClient(create_app(settings)) as api:
+        api.put(SITE, json={"wall_tolerance_m": 1.0})
+        api.put(f"{SITE}/map", json=map_document())
+        crowd = [posted(scan) for scan in BUILDING.crowd(10, 40)]
+        for first in range(0, len(crowd), 500):
+            answer = api.post(f"{SITE}/scans", json={"scans": crowd[first : first + 500]})
+            assert answer.json()["dropped"] == []
+        assert api.get(f"{SITE}/registration").json()["state"] == "none"
+        assert api.post(f"{SITE}/registration").status_code == 202
+        yield api
+
+
+def test_the_crowd_finds_its_place(floor: TestClient) -> None:
+    told = ready(floor)
+    assert (told["state"], told["tracked"]) == ("ready", 960)
+    placed = told["placed"]
+    assert placed["doubtful"] is False
+    assert placed["coverage"] > 0.9
+    assert placed["cost_m"] == placed["placements"][0]["cost_m"] < 4.0
+    places = floor.get(f"{SITE}/registration?format=geojson").json()
+    assert places["frame"] == "local"
+    assert len(places["features"]) == placed["scans"] > 900
+
+
+def test_a_session_finds_itself_among_the_crowd(floor: TestClient) -> None:
+    ready(floor)
+    request = {"seed": 3, "particles": 4000, "sensor": {"type": "registered"}}
+    opened = floor.post(f"{SITE}/sessions", json=request).json()
+    assert (opened["sensor"], opened["hops"], opened["expected"]) == ("registered", [], None)
+    rng = np.random.default_rng(5)
+    places = BUILDING.walk(rng, 120.0)
+    errors, before = [], 0.0
+    for seq, (here, there) in enumerate(pairwise(places), start=1):
+        heading = math.atan2(*(there - here)[::-1])
+        length, turn = math.dist(here, there), math.remainder(heading - before, math.tau)
+        before = heading
+        delta = {"forward_m": length * math.cos(turn), "left_m": length * math.sin(turn),
+            "turn_rad": turn, "std": [0.3, 0.3, 0.1]}  # fmt: skip
+        step = {"seq": seq, "delta": delta, "landmarks": heard(BUILDING.readings(there, rng))}
+        pose = floor.post(f"/v1/sessions/{opened['session']}/steps", json={"steps": [step]})
+        told = pose.json()
+        assert told["measurement"]["holes"] is None
+        assert told["measurement"]["resembled"] > 0
+        errors.append(math.dist((told["modes"][0]["x_m"], told["modes"][0]["y_m"]), there))
+    assert np.median(errors) < 8.0
+    assert told["coverage"] > 0.5
+    moved = floor.post(f"/v1/sessions/{opened['session']}/map").json()
+    assert moved["sensor"] == "registered"
+
+
+def test_the_site_decides_what_a_session_measures(floor: TestClient) -> None:
+    ready(floor)
+    auto = floor.post(f"{SITE}/sessions", json={"particles": 100}).json()
+    assert auto["sensor"] in {"registered", "both"}
+    both = floor.post(f"{SITE}/sessions", json={"particles": 100, "sensor": {"type": "both"}})
+    assert both.json()["sensor"] == "both"
+    counting = floor.post(
+        f"{SITE}/sessions", json={"particles": 100, "sensor": {"expected": "geometric"}}
+    )
+    assert counting.json()["sensor"] == "homology"
+    step = {"seq": 1, "delta": {"forward_m": 1.0}, "landmarks": ["tx-01", "tx-02", "tx-03"]}
+    for opened in (auto, both.json(), counting.json()):
+        url = f"/v1/sessions/{opened['session']}/steps"
+        assert floor.post(url, json={"steps": [step]}).status_code == 200
+
+
+def test_a_session_may_join_the_crowd(floor: TestClient) -> None:
+    before = floor.get(f"{SITE}/registration").json()["tracked"]
+    request = {"particles": 100, "contribute": True, "sensor": {"type": "homology"}}
+    opened = floor.post(f"{SITE}/sessions", json=request).json()
+    steps = [
+        {"seq": seq, "delta": {"forward_m": 2.0}, "landmarks": ["tx-01", "tx-02", "tx-03"]}
+        for seq in (1, 2)
+    ]
+    url = f"/v1/sessions/{opened['session']}/steps"
+    assert floor.post(url, json={"steps": steps}).status_code == 200
+    assert floor.post(url, json={"steps": steps}).status_code == 200
+    assert floor.get(f"{SITE}/registration").json()["tracked"] == before + 2
+
+
+def test_a_crowd_without_tracks_finds_no_place(floor: TestClient) -> None:
+    floor.put("/v1/sites/silent", json={})
+    floor.put("/v1/sites/silent/map", json=map_document())
+    request = {"sensor": {"type": "registered"}}
+    answer = floor.post("/v1/sites/silent/sessions", json=request)
+    assert (answer.status_code, answer.json()["code"]) == (409, "registration_failed")
+    told = floor.get("/v1/sites/silent/registration").json()
+    assert told["state"] == "failed"
+    assert "too few" in told["reason"]
+    assert floor.get("/v1/sites/silent/registration?format=geojson").json()["features"] == []
+    floor.put("/v1/sites/bare", json={})
+    assert floor.post("/v1/sites/bare/registration").json()["code"] == "map_missing"
+
+
+def test_the_sdk_tells_of_the_registration(floor: TestClient) -> None:
+    told = Registration.from_json(ready(floor))
+    assert told.placed is not None
+    assert told.placed.placements[0].cost_m == told.placed.cost_m
