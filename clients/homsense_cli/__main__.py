@@ -97,7 +97,7 @@ def replay(
     floor: Annotated[list[str] | None, typer.Option(help="A floor; all when absent.")] = None,
     min_rssi_dbm: Annotated[float, typer.Option(help="Weakest visible strength, dBm.")] = -60.0,
     hops: Annotated[list[int] | None, typer.Option(help="Neighborhoods; 1 and 2.")] = None,
-    sensor: Annotated[str, typer.Option(help="auto, homology, registered or both.")] = "auto",
+    sensor: Annotated[str, typer.Option(help="homology, registered, both, auto.")] = "registered",
     seed: SeedOption = 0,
     limit: Annotated[int | None, typer.Option(min=1, help="Most walks of a floor.")] = None,
 ) -> None:

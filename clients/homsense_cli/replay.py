@@ -87,7 +87,7 @@ class Replay:
 
     floors: tuple[str, ...] = ()
     min_rssi_dbm: float = -60.0
-    sensor: str = "auto"
+    sensor: str = "registered"
     hops: tuple[int, ...] = (1, 2)
     seed: int = 0
     limit: int | None = None

@@ -361,8 +361,8 @@ class _Matcher:
         north = self._grid.south_m + (up - _BORDER - corner[1]) * cell_m
         return Placement(rotation_rad, scale, east, north, cost)
 
-    def _transform(self, image: FloatArray) -> NDArray[np.complex128]:
-        return np.asarray(fft.rfft2(image, self._size))
+    def _transform(self, image: FloatArray) -> NDArray[np.complex64]:
+        return np.asarray(fft.rfft2(image.astype(np.float32), self._size))
 
 
 def _nearness(cells: BoolArray, cell_m: float, cap_m: float) -> FloatArray:

@@ -1,7 +1,6 @@
 """What the service does. Every rim parses, calls one of these, and renders the answer."""
 
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TypeVar
@@ -10,10 +9,9 @@ import homsense
 from homsense.diagnosis import USUAL_AGE_S
 from homsense.likelihood import CodeLikelihood
 from homsense_service import schemas
-from homsense_service.errors import RegistrationFailedError
 from homsense_service.expecting import Expecting
 from homsense_service.records import StoredScan
-from homsense_service.registering import Registering
+from homsense_service.registering import Registered, Registering
 from homsense_service.sensors import Sensor
 from homsense_service.sessions import Fix, Session, SessionTable, Step
 from homsense_service.settings import Settings
@@ -198,14 +196,14 @@ class Operations:
 
     def _fitting(self, site: Site, wanted: schemas.SensorIn) -> Sensor:
         counts = wanted.hops is not None or wanted.expected is not None
+        found: Registered | None = None
         if site.tracked >= self._settings.registration_scans and not counts:
-            with suppress(RegistrationFailedError):
-                found = self._sensor(site, schemas.SensorIn(type="registered")).registered
-                if found is not None and not found.complex.registration.is_doubtful:
-                    counting = site.sensor(wanted.hops, wanted.expected)
-                    helps = site.counts_tell_bits(counting, found) > HELPFUL_BITS
-                    return replace(counting if helps else Sensor(), registered=found)
-        return site.sensor(wanted.hops, wanted.expected)
+            found = site.registering.at_hand(self.sites.crowd(site))
+        if found is None or found.complex.registration.is_doubtful:
+            return site.sensor(wanted.hops, wanted.expected)
+        counting = site.sensor(wanted.hops, wanted.expected)
+        helps = site.counts_tell_bits(counting, found) > HELPFUL_BITS
+        return replace(counting if helps else Sensor(), registered=found)
 
     def _stored(self, scan: schemas.ScanIn | schemas.DroppedScan) -> StoredScan:
         if isinstance(scan, schemas.DroppedScan):

@@ -87,6 +87,24 @@ class Registering(Background[CrowdQuestion, Registered]):
     def __init__(self, builder: Builder) -> None:
         super().__init__(builder, _register, _still_holds)
 
+    def at_hand(self, question: CrowdQuestion) -> Registered | None:
+        """Return the crowd on this map if it is there already; begin to place it if not.
+
+        Parameters
+        ----------
+        question : CrowdQuestion
+            The site as it is now.
+
+        Returns
+        -------
+        Registered or None
+            For the map of the question.
+        """
+        self.refresh(question)
+        known = self.current
+        is_same_map = known and known.map_version.digest == question.map_version.digest
+        return known if is_same_map else None
+
     def registered(self, question: CrowdQuestion, wait_s: float) -> Registered:
         """Return the crowd on the map; an older state of the same map while it is redone.
 
@@ -109,10 +127,9 @@ class Registering(Background[CrowdQuestion, Registered]):
         RegistrationFailedError
             If the crowd finds no place.
         """
-        self.refresh(question)
-        known, wanted = self.current, question.map_version.digest
-        if known is not None and known.map_version.digest == wanted:
+        if (known := self.at_hand(question)) is not None:
             return known
+        wanted = question.map_version.digest
         try:
             found = self.found(question, wait_s)
         except NotReadyError:

@@ -51,6 +51,8 @@ class Plan:
         Pose hypotheses.
     hops : tuple of int, optional
         Neighborhoods; chosen by the site when absent.
+    only : tuple of str
+        Sensors and controls to run; all when empty.
     """
 
     scenarios: tuple[Scenario, ...] = ()
@@ -60,6 +62,7 @@ class Plan:
     length_m: float = 1500.0
     particles: int = 8000
     hops: tuple[int, ...] | None = None
+    only: tuple[Control, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +103,7 @@ class Row:
                 f"{sensor} > {control}": sign_test(tracks[sensor], tracks[control])
                 for sensor, controls in WEAKER.items()
                 for control in controls
-                if sensor in tracks
+                if sensor in tracks and control in tracks
             },
         )
 
@@ -109,7 +112,9 @@ class Row:
         tracks = {control: [run[control] for run in runs] for control in runs[0]}
         walks = {
             control: by_walk(
-                found, {other: tracks[other] for other in WEAKER.get(control, ())}, seeds
+                found,
+                {other: tracks[other] for other in WEAKER.get(control, ()) if other in tracks},
+                seeds,
             )
             for control, found in tracks.items()
         }
@@ -159,7 +164,7 @@ def measure(plan: Plan, console: Console) -> list[Row]:
 def _measure_cities(plan: Plan, pool: ProcessPoolExecutor, bars: Progress) -> list[Row]:
     preparing = [pool.submit(prepare, scenario, plan.hops) for scenario in plan.scenarios]
     cities = _finished(bars, "sites tune", preparing)
-    how = Filter(plan.particles)
+    how = Filter(plan.particles, only=plan.only)
     running = [
         pool.submit(run_city, city, IMUS[imu], run, plan.length_m, how)
         for city in cities
@@ -182,7 +187,11 @@ def _measure_floors(
     floors = _finished(bars, "floors tune", reading)
     running = [
         pool.submit(
-            run_controls, walk.scene, walk.legs, (number, run), Filter(plan.particles, walk.prior)
+            run_controls,
+            walk.scene,
+            walk.legs,
+            (number, run),
+            Filter(plan.particles, walk.prior, plan.only),
         )
         for walks in floors
         for number, walk in enumerate(walks)

@@ -65,10 +65,13 @@ class Filter:
         Pose hypotheses.
     prior : Prior
         What is known at the start; nothing by default.
+    only : tuple of str
+        Sensors and controls to run; all when empty.
     """
 
     particles: int = 8000
     prior: Prior = field(default_factory=UniformPrior)
+    only: tuple[Control, ...] = ()
 
 
 def run_city(
@@ -139,6 +142,7 @@ def run_controls(
     return {
         control: localize(scene, legs, Sensed(*sensed), seed[1], how)
         for control, sensed in given.items()
+        if control in how.only or not how.only
     }
 
 
