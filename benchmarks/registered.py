@@ -21,6 +21,7 @@ ONLY: tuple[Control, ...] = ("no homology", "registered", "elsewhere")
 MOST_M = {"all": 5.0, "binary": 8.0, "no compass": 9.0, "half the crowd": 10.0}
 WITHIN_15, BEAT_WALLS, WALKS = 20, 22, 24
 COVERAGE = 0.85, 0.97
+HOLES_M, TOLD_UNMAPPED = 11.0, 0.8
 
 
 def plans(data: Path) -> dict[str, Plan]:
@@ -28,7 +29,9 @@ def plans(data: Path) -> dict[str, Plan]:
     walks = Recorded(data / "ilc20")
     some = Plan(recorded=walks, runs=SEEDS, only=ONLY)
     return {
-        "all": replace(some, only=(*ONLY, "both", "homology", "shuffled", "true counts")),
+        "all": replace(
+            some, only=(*ONLY, "both", "holes at place", "homology", "shuffled", "true counts")
+        ),
         "binary": replace(some, recorded=replace(walks, binary=True)),
         "no compass": replace(some, recorded=replace(walks, compass=False)),
         "half the crowd": replace(some, recorded=replace(walks, crowd=0.5)),
@@ -50,6 +53,12 @@ def broken(name: str, row: Row) -> Iterator[str]:
         yield f"{ours.beats['elsewhere']} walks are better than with scans of other places"
     if not COVERAGE[0] <= inside <= COVERAGE[1]:
         yield f"truth in the 90 % region in {inside:.1%}"
+    holes = row.walks["holes at place"].median_m
+    if holes > HOLES_M:
+        yield f"hole counts at the registered place: {holes:.1f} m"
+    told = row.scores["registered"].told_unmapped
+    if told is not None and told < TOLD_UNMAPPED:
+        yield f"unmapped is told in {told:.0%} of the steps where nobody has been"
 
 
 def main() -> int:

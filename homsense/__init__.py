@@ -47,7 +47,7 @@ from homsense.range_check import RangePoint, choose_cut, range_curve
 from homsense.recovery import AugmentedMcl, Doubt, Recovery, Relocation
 from homsense.registered.complex import RegisteredComplex, Sighting, register_crowd
 from homsense.registered.crowd import WalkScan
-from homsense.registered.place import PlaceLikelihood
+from homsense.registered.place import HolesAtPlace, PlaceLikelihood
 from homsense.registered.similarity import Hearing
 from homsense.relation import VisibilityRelation
 from homsense.scan import Reading, visible_landmarks
@@ -82,6 +82,7 @@ __all__ = [
     "HeadingPrior",
     "Hearing",
     "HeightMap",
+    "HolesAtPlace",
     "HomsenseError",
     "ImuMotion",
     "ImuNoise",

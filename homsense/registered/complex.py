@@ -39,6 +39,7 @@ FAR_RINGS = 2
 GROUND_SD_M = 3.0
 NEIGHBORS = 4
 COVERED_SHARE = 0.5
+MAPPED, HALF_MAPPED = 0.9, 0.5
 STAGES = ("heard", "compared", "laid out", "registered", "settled")
 _MOST_SAMPLED = 1000
 _PRIOR_PAIRS = 0.5
@@ -58,6 +59,30 @@ class Sighting(NamedTuple):
 
     scan: tuple[int, ...]
     level: tuple[int, ...]
+
+
+def is_unmapped(status: str, coverage: float) -> bool:
+    """Tell whether a pose is best called unmapped.
+
+    Parameters
+    ----------
+    status : str
+        Of the pose without a crowd.
+    coverage : float
+        Share of its mass where the crowd has been.
+
+    Returns
+    -------
+    bool
+        True when a place is told that hardly anybody has been to, or most of what is possible is
+        such a place.
+
+    Examples
+    --------
+    >>> is_unmapped("tracking", 0.8), is_unmapped("diffuse", 0.8), is_unmapped("diffuse", 0.2)
+    (True, False, True)
+    """
+    return coverage < (MAPPED if status in {"tracking", "ambiguous"} else HALF_MAPPED)
 
 
 @dataclass(frozen=True)

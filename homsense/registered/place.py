@@ -5,6 +5,8 @@ there. They are not independent, so their mean counts for a few. Where the crowd
 is nothing to say, and a scan that resembles nothing is best explained there.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
@@ -12,6 +14,7 @@ from scipy.spatial import cKDTree
 from homsense.code_map import CodeMap
 from homsense.errors import InvalidInputError
 from homsense.exact import exp
+from homsense.height import HeightMap
 from homsense.registered.complex import RegisteredComplex, Sighting
 from homsense.scalar import LN_2
 
@@ -23,6 +26,7 @@ KERNEL_SHARE, KERNEL_CUT = 1.0, 2.5
 NOBODY = 2.0
 INDEPENDENT = 2.0
 CORRELATION_SHARE = 0.55
+COUNT_VARIANCE = 1.0
 _NOTHING_BITS = -1e3
 
 
@@ -87,4 +91,49 @@ class PlaceLikelihood:
         gain = self._weight[entry] * self._gain[self._ring[entry], np.repeat(level, size)]
         nats = self._silent + np.bincount(self._block[entry], gain, len(self._silent))
         bits = (INDEPENDENT / LN_2) * (nats - nats.max())
+        return np.concatenate([[_NOTHING_BITS], bits])
+
+
+class HolesAtPlace:
+    """The paper's measurement, read where a scan seems to have been made.
+
+    The number of structures near the place is known with a mean and a spread; every block is
+    weighed by its own number. Less is told than by the place itself: it shows how much a count is
+    worth when it is right.
+
+    Parameters
+    ----------
+    place : PlaceLikelihood
+        Where a scan was made.
+    heights : sequence of HeightMap
+        Structures within some radii.
+    """
+
+    def __init__(self, place: PlaceLikelihood, heights: Sequence[HeightMap]) -> None:
+        self.code_map = place.code_map
+        self.correlation_m = place.correlation_m
+        self._place = place
+        middles = self.code_map.expected[1:]
+        self._counts = np.array([np.nan_to_num(height.at(middles)) for height in heights])
+
+    def __call__(self, sighting: Sighting) -> FloatArray:
+        """Weigh a scan once for each block.
+
+        Parameters
+        ----------
+        sighting : Sighting
+            What it resembles.
+
+        Returns
+        -------
+        ndarray, shape (n_codes,), float64
+            Binary logarithms, at most 0; a place that is not free explains nothing.
+        """
+        mass = self.code_map.sizes[1:] * exp(LN_2 * self._place(sighting)[1:])
+        share = mass / mass.sum()
+        bits = np.zeros(len(share))
+        for counts in self._counts:
+            mean = float((share * counts).sum())
+            variance = float((share * np.square(counts - mean)).sum()) + COUNT_VARIANCE
+            bits -= np.square(counts - mean) / (2.0 * variance * LN_2)
         return np.concatenate([[_NOTHING_BITS], bits])

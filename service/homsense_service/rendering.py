@@ -14,6 +14,7 @@ from shapely.geometry.base import BaseGeometry
 
 import homsense
 from homsense.cycles import round_holes
+from homsense.registered.complex import is_unmapped
 from homsense.skeleton import n_edges, skeleton
 from homsense_service import schemas
 from homsense_service.operations import Sensed
@@ -25,7 +26,7 @@ from homsense_service.versions import ComplexVersion, MapVersion, WitnessCheck
 
 LEVELS = (0.5, 0.9, 0.95)
 MAX_MODES = 16
-UNMAPPED, COVERAGE_SAMPLE = 0.5, 200
+COVERAGE_SAMPLE = 200
 MAX_BESIDE = 8
 EULER_TERMS = 20_000
 
@@ -262,9 +263,8 @@ def render_pose(session: Session, fix: Fix) -> schemas.PoseOut:
 def _status(fix: Fix, coverage: float | None) -> Status:
     if fix.state.tick == 0:
         return "initializing"
-    if coverage is not None and coverage < UNMAPPED:
-        return "unmapped"
-    return fix.pose.status
+    status = fix.pose.status
+    return "unmapped" if coverage is not None and is_unmapped(status, coverage) else status
 
 
 def _measurement(sensor: Sensor, measured: Measured | None) -> schemas.MeasurementOut | None:

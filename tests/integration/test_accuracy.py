@@ -36,6 +36,7 @@ def test_the_bench_writes_what_it_measures(tmp_path: Path) -> None:
         "registered",
         "elsewhere",
         "both",
+        "holes at place",
     ]
     assert row["site"]["hops"] == [2, 3]
     assert row["scores"]["homology"]["runs"] == 2

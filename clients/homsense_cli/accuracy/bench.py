@@ -239,7 +239,8 @@ def table(rows: Sequence[Row], plan: Plan) -> Table:
         caption=(
             "run, last fifth: median / 90 % of the error; final: median over the last 300 m, its "
             "median over the runs; <: share of the runs by that, %; found: way after which it is "
-            "below 25 m for 100 m; in: share of the steps with the truth in the region, %; p: "
+            "below 25 m for 100 m; in: share of the steps with the truth in the region, %; "
+            "unmapped: share of the steps where no crowd has been whose status says so, %; p: "
             "sign test that the sensor above beats the control; walks: median over the walks of "
             "the median error of each, how many end within 15 m, how many beat each control"
         ),
@@ -254,7 +255,15 @@ def table(rows: Sequence[Row], plan: Plan) -> Table:
 
 
 LEFT = ("world", "motion", "measured")
-FIGURES = ("run m", "last fifth m", "final m", "<15/25/50 m", "found m", "in 50/90/95 %")
+FIGURES = (
+    "run m",
+    "last fifth m",
+    "final m",
+    "<15/25/50 m",
+    "found m",
+    "in 50/90/95 %",
+    "unmapped %",
+)
 HEADINGS = (*LEFT, *FIGURES, "p", "walks")
 
 
@@ -278,6 +287,7 @@ def _cells(found: Score) -> Iterator[str]:
     yield _percents(found.within_15_m, found.within_25_m, found.within_50_m)
     yield "never" if found.converged_m is None else f"{found.converged_m:.0f}"
     yield _percents(found.coverage_50, found.coverage_90, found.coverage_95)
+    yield "" if found.told_unmapped is None else _percents(found.told_unmapped)
 
 
 def _percents(*shares: float) -> str:

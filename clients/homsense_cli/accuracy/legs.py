@@ -27,6 +27,8 @@ class Leg:
         What its scan resembles among the crowd.
     elsewhere : Sighting, optional
         The same for a scan that somebody made elsewhere.
+    is_covered : bool
+        Whether the crowd has truly been there.
     """
 
     truth: tuple[float, float]
@@ -34,6 +36,7 @@ class Leg:
     counts: tuple[float, ...] | None
     sighting: Sighting | None = None
     elsewhere: Sighting | None = None
+    is_covered: bool = True
 
 
 def drive_through(city: CityScene, imu: Imu, run: int, length_m: float) -> list[Leg]:

@@ -9,30 +9,44 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homsense import (
+    HeightMap,
+    HolesAtPlace,
     JointLikelihood,
     JointMeasurement,
     Likelihood,
     Localizer,
     LocalizerConfig,
+    PoseDistribution,
     Prior,
     Relocation,
     UniformPrior,
 )
 from homsense.likelihood import CodeLikelihood
+from homsense.registered.complex import is_unmapped
 from homsense_cli.accuracy.legs import Leg, drive_through, shuffled, true_counts
 from homsense_cli.accuracy.scenario import Imu
 from homsense_cli.accuracy.scene import CityScene, Scene
 
 FloatArray = NDArray[np.float64]
 Control = Literal[
-    "homology", "no homology", "shuffled", "true counts", "registered", "elsewhere", "both"
+    "homology",
+    "no homology",
+    "shuffled",
+    "true counts",
+    "registered",
+    "elsewhere",
+    "both",
+    "holes at place",
 ]
 
 WEAKER: dict[Control, tuple[Control, ...]] = {
     "homology": ("no homology", "shuffled"),
     "registered": ("no homology", "elsewhere"),
+    "holes at place": ("no homology",),
 }
 LOST = 0.0005
+HOLES_REACHES, HEIGHT_CELL_M = (2.5, 5.0), 4.0
+COVERAGE_SAMPLE = 200
 LEVELS = (0.5, 0.9, 0.95)
 
 
@@ -48,11 +62,17 @@ class Track:
         Whether the truth was in the 50, 90 and 95 % region.
     way_m : ndarray, shape (S,), float64
         Way so far, metres.
+    is_covered : ndarray, shape (S,), bool
+        Whether the crowd has truly been there.
+    told_unmapped : ndarray, shape (S,), bool
+        Whether the status says that it has not.
     """
 
     error_m: FloatArray
     inside: NDArray[np.bool_]
     way_m: FloatArray
+    is_covered: NDArray[np.bool_]
+    told_unmapped: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,6 +159,12 @@ def run_controls(
         given["registered"] = place, [leg.sighting for leg in legs]
         given["elsewhere"] = place, [leg.elsewhere for leg in legs]
         given["both"] = joint, [_both(leg) for leg in legs]
+        reach_m = scene.crowd.registered.reach_m
+        heights = [
+            HeightMap.geometric(scene.site_map, reaches * reach_m, cell_m=HEIGHT_CELL_M)
+            for reaches in HOLES_REACHES
+        ]
+        given["holes at place"] = HolesAtPlace(place, heights), [leg.sighting for leg in legs]
     return {
         control: localize(scene, legs, Sensed(*sensed), seed[1], how)
         for control, sensed in given.items()
@@ -198,11 +224,20 @@ def localize(scene: Scene, legs: Sequence[Leg], sensed: Sensed, seed: int, how: 
         scene.site_map, (), config, free_space=scene.free_space, likelihood=sensed.likelihood
     )
     state = localizer.start(seed)
-    errors, inside = [], []
+    errors, inside, told = [], [], []
     for leg, measured in zip(legs, sensed.measured, strict=True):
         state, pose = localizer.step(state, leg.delta, measured)
         best = pose.modes[0]
         errors.append(math.dist((best.x_m, best.y_m), leg.truth))
         inside.append([pose.holds(*leg.truth, level) for level in LEVELS])
+        told.append(_told_unmapped(scene, pose))
     way = np.cumsum([leg.delta.length_m for leg in legs])
-    return Track(np.array(errors), np.array(inside), way)
+    covered = np.array([leg.is_covered for leg in legs])
+    return Track(np.array(errors), np.array(inside), way, covered, np.array(told))
+
+
+def _told_unmapped(scene: Scene, pose: PoseDistribution) -> bool:
+    if scene.crowd is None:
+        return False
+    some = pose.poses[pose.thinned(COVERAGE_SAMPLE), :2]
+    return is_unmapped(pose.status, float(scene.crowd.registered.covers(some).mean()))

@@ -35,6 +35,8 @@ class Score:
     converged_m : float, optional
         Median way after which the error stays below 25 m for 100 m; None when half of the runs
         never get there, metres.
+    told_unmapped : float, optional
+        Share of the steps where the crowd has not been whose status says so.
     coverage_50, coverage_90, coverage_95 : float
         Share of the steps with the truth inside the region.
     """
@@ -49,6 +51,7 @@ class Score:
     within_25_m: float
     within_50_m: float
     converged_m: float | None
+    told_unmapped: float | None
     coverage_50: float
     coverage_90: float
     coverage_95: float
@@ -159,10 +162,17 @@ def score(tracks: Sequence[Track]) -> Score:
         within_25,
         within_50,
         converged if math.isfinite(converged) else None,
+        _told_unmapped(tracks),
         in_50,
         in_90,
         in_95,
     )
+
+
+def _told_unmapped(tracks: Sequence[Track]) -> float | None:
+    covered = np.concatenate([track.is_covered for track in tracks])
+    told = np.concatenate([track.told_unmapped for track in tracks])
+    return None if covered.all() else float(told[~covered].mean())
 
 
 def final_medians(tracks: Sequence[Track]) -> np.ndarray[Any, np.dtype[np.float64]]:

@@ -1,12 +1,13 @@
 """Recorded walks: each against the complex of all other phones of its floor."""
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 from zlib import crc32
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from homsense import Delta, FreeSpace, HeadingPrior, Hearing, Prior, Reading, SiteMap, UniformPrior
 from homsense import visible_landmarks as visible
@@ -29,7 +30,7 @@ from homsense_cli.recorded import (
 Seen = Callable[[list[dict[str, Any]]], frozenset[str]]
 
 CELL_M = 1.0
-BINARY_DBM = -65.0
+BINARY_DBM, COVERED_M = -65.0, 8.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,10 +122,27 @@ def floor_walks(recorded: Recorded, name: str, hops: tuple[int, ...] | None) -> 
         crowd = [seen(scan["landmarks"]) for scan in scans]
         scene = Scene.of(site_map, reachable, crowd, model, placed)
         rng = np.random.default_rng(number)
-        legs = list(_legs(scene, walk_events(floor, chain), seen, rng))
+        been = _been(floor, chain, {scan["device"] for scan in scans})
+        legs = [
+            replace(leg, is_covered=bool(been.query(leg.truth)[0] <= COVERED_M))
+            for leg in _legs(scene, walk_events(floor, chain), seen, rng)
+        ]
         prior = _compass(floor, chain) if recorded.compass else UniformPrior()
         walks.append(Walk(scene, legs, prior))
     return walks
+
+
+def _been(floor: Floor, chain: list[str], devices: set[str]) -> "cKDTree[None]":
+    """Return where the crowd has truly made its scans."""
+    return cKDTree(
+        [
+            trace.position(t_s)
+            for trace in floor.traces.values()
+            if trace.id in devices - {*chain}
+            for t_s, readings in trace.scans
+            if readings
+        ]
+    )
 
 
 def _thinned(scans: Iterable[dict[str, Any]], share: float) -> Iterator[dict[str, Any]]:

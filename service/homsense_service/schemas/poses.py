@@ -70,7 +70,7 @@ class PoseOut(Wire):
     tick: int
     t: float | None
     status: Status = Field(
-        description="unmapped: a registered crowd has not been where most of the mass lies."
+        description="unmapped: a registered crowd has hardly been where the pose lies."
     )
     pose: BestPose | None = Field(description="null unless ambiguous or tracking.")
     confidence: float = Field(description="Mass of the top mode.")

@@ -1,12 +1,13 @@
 """Figures over runs are what they say."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from homsense_cli.accuracy.legs import Leg, shuffled
 from homsense_cli.accuracy.run import Track
-from homsense_cli.accuracy.score import final_medians, score, sign_test
+from homsense_cli.accuracy.score import by_walk, final_medians, score, sign_test
 
 from homsense import Delta
 
@@ -14,7 +15,8 @@ from homsense import Delta
 def _track(errors: list[float], *, inside: bool = True) -> Track:
     count = len(errors)
     way = np.linspace(5.0, 5.0 * count, count)
-    return Track(np.array(errors), np.full((count, 3), inside), way)
+    covered, told = np.full(count, True), np.full(count, False)
+    return Track(np.array(errors), np.full((count, 3), inside), way, covered, told)
 
 
 def test_a_run_is_scored_by_its_last_300_metres() -> None:
@@ -50,6 +52,25 @@ def test_the_sign_test_counts_runs_that_are_better() -> None:
     assert sign_test(better, worse) == pytest.approx(0.5**5)
     assert sign_test(worse, better) == 1.0
     assert sign_test(better, better) == 1.0
+
+
+def test_each_walk_counts_once_by_the_median_over_its_seeds() -> None:
+    ours = [_track([error] * 50) for error in (2.0, 4.0, 90.0, 20.0, 20.0, 20.0)]
+    walls = [_track([error] * 50) for error in (9.0, 9.0, 9.0, 10.0, 10.0, 10.0)]
+    found = by_walk(ours, {"no homology": walls}, seeds=3)
+    assert (found.walks, found.median_m, found.mean_m) == (2, 12.0, 12.0)
+    assert (found.last_within_15_m, found.beats) == (1, {"no homology": 1})
+    assert str(found) == "12.0 m 1 1"
+
+
+def test_what_is_told_where_nobody_has_been() -> None:
+    track = replace(
+        _track([5.0] * 4),
+        is_covered=np.array([True, False, False, True]),
+        told_unmapped=np.array([True, True, False, False]),
+    )
+    assert score([track]).told_unmapped == 0.5
+    assert score([_track([5.0] * 4)]).told_unmapped is None
 
 
 def test_shuffled_legs_have_the_same_counts_elsewhere() -> None:

@@ -15,6 +15,7 @@ from homsense import (
     FreeSpace,
     Hearing,
     HeightMap,
+    HolesAtPlace,
     InvalidConfigurationError,
     InvalidInputError,
     JointLikelihood,
@@ -26,6 +27,7 @@ from homsense import (
     RegisteredComplex,
     Sighting,
     WalkScan,
+    mean_advantage_bits,
     register_crowd,
 )
 from homsense.backend import NUMPY, compiled
@@ -197,6 +199,36 @@ def _ahead(here: np.ndarray, there: np.ndarray, before: float) -> tuple[float, f
     heading = math.atan2(*(there - here)[::-1])
     length, turn = math.dist(here, there), math.remainder(heading - before, math.tau)
     return length * math.cos(turn), length * math.sin(turn), turn
+
+
+def test_counts_at_the_place_of_a_scan_tell_less_than_the_place() -> None:
+    building, found = registered()
+    place = likelihood(building, found)
+    heights = [HeightMap.geometric(building.site_map, radius) for radius in (30.0, 60.0)]
+    holes = HolesAtPlace(place, heights)
+    sighting = found.sighting(building.readings(np.array([30.0, 5.0]), np.random.default_rng(1)))
+    assert sighting is not None
+    bits = holes(sighting)
+    assert bits.max() <= 0.0
+    assert bits[0] < -100.0
+    by_count: dict[tuple[float, ...], set[float]] = {}
+    for middle, value in zip(holes.code_map.expected[1:], bits[1:], strict=True):
+        key = tuple(float(height.at(middle[None])[0]) for height in heights)
+        by_count.setdefault(key, set()).add(round(float(value), 9))
+    assert all(len(values) == 1 for values in by_count.values())
+    assert len(by_count) < len(np.unique(place(sighting)))
+
+
+def test_the_advantage_of_a_sensor_is_judged_where_the_crowd_was() -> None:
+    building, found = registered()
+    place = likelihood(building, found)
+    rng = np.random.default_rng(8)
+    places = building.walk(rng, 100.0)
+    sightings = [found.sighting(building.readings(here, rng)) for here in places]
+    right = mean_advantage_bits(place, sightings, places)
+    wrong = mean_advantage_bits(place, sightings, places[::-1])
+    assert right > 1.0 > wrong
+    assert mean_advantage_bits(place, [], np.zeros((0, 2))) == 0.0
 
 
 def test_two_sensors_are_weighed_each_at_its_own_pace() -> None:

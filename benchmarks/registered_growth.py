@@ -1,0 +1,56 @@
+"""What a registration costs as the crowd grows: ten times the scans, step by step.
+
+Phones walk one generated town; each of the three sizes is laid out and placed from nothing.
+"""
+
+import sys
+import time
+from itertools import pairwise
+
+from homsense_cli.accuracy.scene import COMPASS_RAD, WEAKEST_DBM, walk_scan
+from homsense_fleet.driver import Crowd
+from homsense_fleet.world import downtown_44
+
+from homsense import CodeMap, FreeSpace, Hearing, PlaceLikelihood, SiteMap, register_crowd
+from homsense.registered.complex import STAGES
+
+SEED, CELL_M, BLOCK_M, SCANS_EACH, QUERIES = 0, 2.0, 3.0, 130, 200
+SIZES = (1_000, 10_000, 100_000)
+
+
+def main() -> int:
+    """Print a line for each size; return the exit code."""
+    world = downtown_44(SEED)
+    free_space = FreeSpace.of(SiteMap.from_geojson(world.map_document()), CELL_M)
+    sizes = [int(size) for size in sys.argv[1:]] or SIZES
+    print(f"seed {SEED}, {len(world.ids)} transmitters; seconds of CPU")
+    print("scans", *(f"{stage:>11}" for stage in (*STAGES, "ms a scan")), sep="  ")
+    for size in sizes:
+        phones = Crowd(SEED, -(-size // SCANS_EACH), SCANS_EACH)
+        scans = [
+            walk_scan(scan)
+            for number in range(phones.phones)
+            for scan in phones.scans(world, number)
+        ][:size]
+        marks = [time.process_time()]
+        found = register_crowd(
+            scans,
+            free_space,
+            hearing=Hearing(weakest_dbm=WEAKEST_DBM),
+            rotation_sd_rad=COMPASS_RAD,
+            on_stage=lambda _stage, marks=marks: marks.append(time.process_time()),  # type: ignore[misc]
+        )
+        weigh = PlaceLikelihood(found, CodeMap.blocks(free_space, BLOCK_M))
+        begun = time.process_time()
+        for scan in scans[:: max(1, size // QUERIES)]:
+            sighting = found.sighting(scan.readings)
+            if sighting is not None:
+                weigh(sighting)
+        each_ms = 1e3 * (time.process_time() - begun) / len(scans[:: max(1, size // QUERIES)])
+        spent = [later - before for before, later in pairwise(marks)]
+        print(f"{size:>6}", *(f"{seconds:11.1f}" for seconds in (*spent, each_ms)), flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
