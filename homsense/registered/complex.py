@@ -40,6 +40,7 @@ GROUND_SD_M = 3.0
 NEIGHBORS = 4
 COVERED_SHARE = 0.5
 MAPPED, HALF_MAPPED = 0.9, 0.5
+PLAUSIBLE_M = 1.0
 STAGES = ("heard", "compared", "laid out", "registered", "settled")
 _MOST_SAMPLED = 1000
 _PRIOR_PAIRS = 0.5
@@ -246,11 +247,13 @@ def register_crowd(
     on_stage("laid out")
     tried = register(layout.xy[part], free_space, rotation_sd_rad)
     (mirrored,) = register(layout.xy[part] * _MIRROR, free_space, thorough=False)
-    mirror_margin_m = mirrored.cost_m - min(placement.cost_m for placement in tried)
+    best_m = min(placement.cost_m for placement in tried)
     on_stage("registered")
     ground = Ground.of(free_space)
     settled: list[tuple[Placement, FloatArray]] = []
     for placement in tried:
+        if placement.cost_m > best_m + PLAUSIBLE_M:
+            continue
         xy = _settled(crowd, like, layout, placement, ground)[part]
         unlikely = unlikely_m(placement.rotation_rad, placement.scale, rotation_sd_rad)
         settled.append((placement._replace(cost_m=ground.mismatch_m(xy) + unlikely), xy))
@@ -263,7 +266,7 @@ def register_crowd(
         settled[0][1],
         tuple(heard for heard, kept in zip(crowd.signatures, part, strict=True) if kept),
         like.radio.reach_m,
-        Registration(tuple(settled[number][0] for number in distinct), mirror_margin_m),
+        Registration(tuple(settled[number][0] for number in distinct), mirrored.cost_m - best_m),
         crowd.source[part],
     )
 

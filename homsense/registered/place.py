@@ -51,16 +51,17 @@ class PlaceLikelihood:
             cKDTree(middles), KERNEL_CUT * width, output_type="ndarray"
         )
         near.sort(order=("i", "j"))
-        scan, self._block = near["i"].astype(np.int64), near["j"].astype(np.int64)
+        scan, self._block = near["i"], near["j"].astype(np.int32)
         self._start = np.searchsorted(scan, np.arange(complex_.size + 1))
         apart = np.sqrt(np.square(middles[self._block] - complex_.xy[scan]).sum(axis=1))
         kernel = exp(-0.5 * np.square(apart / width))
         total = NOBODY + np.bincount(self._block, kernel, len(middles))
         self._weight = kernel / total[self._block]
-        self._ring = complex_.ring(apart)
+        ring = complex_.ring(apart)
         silent = complex_.nats[:, 0]
-        self._silent = np.bincount(self._block, self._weight * silent[self._ring], len(middles))
-        self._gain = complex_.nats - silent[:, None]
+        self._silent = np.bincount(self._block, self._weight * silent[ring], len(middles))
+        self._gain = (complex_.nats - silent[:, None]).ravel()
+        self._gain_of = (ring * complex_.nats.shape[1]).astype(np.int32)
 
     def __call__(self, sighting: Sighting) -> FloatArray:
         """Weigh a scan once for each block.
@@ -80,7 +81,7 @@ class PlaceLikelihood:
         InvalidInputError
             If the sighting is of another complex.
         """
-        scan, level = np.array(sighting.scan, np.int64), np.array(sighting.level, np.int64)
+        scan, level = np.array(sighting.scan, np.int64), np.array(sighting.level, np.int32)
         if len(scan) and not 0 <= scan.min() <= scan.max() < self.complex.size:
             message = "the sighting is of another complex"
             raise InvalidInputError(message, "sighting")
@@ -88,7 +89,7 @@ class PlaceLikelihood:
         ends = np.cumsum(size)
         count = int(ends[-1]) if len(ends) else 0
         entry = np.arange(count) + np.repeat(self._start[scan] - (ends - size), size)
-        gain = self._weight[entry] * self._gain[self._ring[entry], np.repeat(level, size)]
+        gain = self._weight[entry] * self._gain[self._gain_of[entry] + np.repeat(level, size)]
         nats = self._silent + np.bincount(self._block[entry], gain, len(self._silent))
         bits = (INDEPENDENT / LN_2) * (nats - nats.max())
         return np.concatenate([[_NOTHING_BITS], bits])
