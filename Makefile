@@ -43,6 +43,7 @@ proof: $(READY) ## slow proof: exactness, calibration, recovery, ten demos, accu
 	$(BIN)/python benchmarks/calibration.py
 	$(BIN)/python benchmarks/demo_seeds.py
 	$(BIN)/python benchmarks/accuracy.py $(DATA)
+	$(if $(DATA),$(BIN)/python benchmarks/registered.py $(DATA))
 
 .venv-peers/.ready: $(READY) requirements-peers.lock
 	$(PYTHON) -m venv .venv-peers

@@ -1,0 +1,62 @@
+"""Draw a recorded crowd before and after it has found its place, for docs/accuracy/.
+
+Above: every walk by its own account, from a common start. Below: the same scans on the map, and
+the ground that they cover. Needs the folder of recorded data.
+"""
+
+import sys
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from accuracy import OUT
+from homsense_cli.accuracy.scene import RegisteredCrowd, walk_scan
+from homsense_cli.accuracy.walks import CELL_M
+from homsense_cli.figures import STYLE
+from homsense_cli.recorded import WALL_TOLERANCE_M, crowd_scans, floor_names, read_floor
+from matplotlib import pyplot as plt
+
+from homsense import FreeSpace, SiteMap
+
+GROUND, COVERED, WALK = "#e4e6ea", "#c5d9e6", "#2f6f9f"
+
+
+def main() -> int:
+    """Draw; return the exit code."""
+    directory = Path(sys.argv[1]) / "ilc20"
+    names = floor_names(directory)
+    mpl.use("Agg")
+    with mpl.rc_context(STYLE):
+        _, axes = plt.subplots(2, len(names), figsize=(10, 7.5))
+        for name, above, below in zip(names, *axes, strict=True):
+            floor = read_floor(directory, name)
+            space = FreeSpace.of(SiteMap.from_geojson(floor.map_document), CELL_M)
+            scans = map(walk_scan, crowd_scans(floor, []))
+            crowd = RegisteredCrowd.of(scans, space, space.widened(WALL_TOLERANCE_M))
+            if crowd is None:
+                print(f"{name}: the crowd finds no place")
+                return 1
+            found = crowd.registered
+            own = np.array([(scan.x_m, scan.y_m) for scan in crowd.scans])[found.source]
+            ground = space.grid.centers()[space.free[:-1]]
+            covered = ground[found.covers(ground)]
+            below.plot(*ground.T, "s", color=GROUND, markersize=1.1, zorder=0)
+            below.plot(*covered.T, "s", color=COVERED, markersize=1.1, zorder=1)
+            for walk in np.unique(found.walk):
+                here = found.walk == walk
+                above.plot(*own[here].T, color=WALK, linewidth=0.6, alpha=0.7)
+                below.plot(*found.xy[here].T, color=WALK, linewidth=0.6, alpha=0.7)
+            above.set_title(f"{name}: {len(np.unique(found.walk))} walks, {found.size} scans")
+            below.set_title(
+                f"cost {found.registration.cost_m:.1f} m, covered {len(covered) / len(ground):.0%}"
+            )
+            for ax in (above, below):
+                ax.set_aspect("equal")
+                ax.set_xlabel("m")
+        plt.savefig(OUT / "registered.png")
+    print("wrote registered.png")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
