@@ -102,8 +102,11 @@ def replay(
     limit: Annotated[int | None, typer.Option(min=1, help="Most walks of a floor.")] = None,
 ) -> None:
     """Replay recorded walks through the service and score them against the surveyed truth."""
-    from homsense_cli.replay import Replay, run_replay
+    from homsense_cli.replay import SENSORS, Replay, run_replay
 
+    if sensor not in SENSORS:
+        message = f"--sensor must be one of {', '.join(SENSORS)}, not {sensor!r}"
+        raise ValueError(message)
     levels = tuple(sorted(set(hops or [1, 2])))
     chosen = Replay(tuple(floor or ()), min_rssi_dbm, sensor, levels, seed, limit)
     run_replay(directory, chosen, Console())

@@ -29,6 +29,7 @@ from homsense_cli.recorded import (
 )
 
 BATCH = 100
+SENSORS = ("homology", "registered", "both", "auto")
 SITE = {
     "max_age_s": 3.0,
     "landmark_key": "bssid",

@@ -95,6 +95,7 @@ def test_a_failure_is_one_line_on_standard_error(tmp_path: Path) -> None:
             (_homsense("fleet", "--map", str(file)), 2, "no polygon"),
             (_homsense("figures", str(file)), 2, "recorded run"),
             (_homsense("replay", str(tmp_path)), 2, "no recordings"),
+            (_homsense("replay", str(tmp_path), "--sensor", "sixth"), 2, "--sensor must be"),
             (_homsense("fleet", "--url", "http://127.0.0.1:1", "--phones", "1"), 1, "connection"),
         ]
     for done, code, reason in cases:
