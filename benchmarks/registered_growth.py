@@ -7,14 +7,16 @@ import sys
 import time
 from itertools import pairwise
 
-from homsense_cli.accuracy.scene import COMPASS_RAD, WEAKEST_DBM, walk_scan
+from homsense_cli.accuracy.scene import WEAKEST_DBM, walk_scan
 from homsense_fleet.driver import Crowd
 from homsense_fleet.world import downtown_44
 
 from homsense import CodeMap, FreeSpace, Hearing, PlaceLikelihood, SiteMap, register_crowd
 from homsense.registered.complex import STAGES
+from homsense.registered.place import BLOCK_M
+from homsense.registered.registration import COMPASS_RAD
 
-SEED, CELL_M, BLOCK_M, SCANS_EACH, QUERIES = 0, 2.0, 3.0, 130, 200
+SEED, CELL_M, SCANS_EACH, QUERIES = 0, 2.0, 130, 200
 SIZES = (1_000, 10_000, 100_000)
 
 

@@ -16,6 +16,8 @@ from typing import NamedTuple, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from homsense.ragged import spread
+
 Whole = TypeVar("Whole", np.int32, np.int64)
 Numbers = NDArray[np.int32]
 Offsets = NDArray[np.int64]
@@ -122,7 +124,7 @@ class Version(NamedTuple):
             One list for each facet.
         """
         starts = self.row_start[facets]
-        ends, places = _spread(starts, self.row_start[facets + 1] - starts)
+        ends, places = spread(starts, self.row_start[facets + 1] - starts)
         return Ragged(ends, self.points[places])
 
     def posting_lists(self, landmarks: Numbers) -> Ragged:
@@ -162,17 +164,8 @@ class Version(NamedTuple):
     def _regions(self, landmarks: Numbers) -> Ragged:
         """Return all that stands in the regions of some landmarks."""
         starts = self.posting_start[landmarks]
-        ends, places = _spread(starts + 1, self.postings[starts].astype(np.int64))
+        ends, places = spread(starts + 1, self.postings[starts].astype(np.int64))
         return Ragged(ends, self.postings[places])
-
-
-def _spread(starts: Offsets, lengths: Offsets) -> tuple[Offsets, Offsets]:
-    """Return the ends of lists laid one after the other, and where each entry comes from."""
-    ends = np.zeros(len(starts) + 1, np.int64)
-    np.cumsum(lengths, out=ends[1:])
-    places = np.repeat(starts - ends[:-1], lengths)
-    places += np.arange(ends[-1])
-    return ends, places
 
 
 class FacetTable:
@@ -239,7 +232,7 @@ class FacetTable:
         table.postings = np.full(table.n_postings, NEVER, np.int32)
         table.postings[_NO_REGION] = 0
         table.postings[table.posting_start] = counts
-        _, places = _spread(table.posting_start + 1, counts.astype(np.int64))
+        _, places = spread(table.posting_start + 1, counts.astype(np.int64))
         table.postings[places] = facet_of[by_landmark]
         return table
 

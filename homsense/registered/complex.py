@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from homsense.errors import InvalidInputError
 from homsense.free_space import FreeSpace
-from homsense.registered.crowd import Crowd, Likeness, WalkScan, likeness
+from homsense.registered.crowd import NEIGHBORS, Crowd, Likeness, WalkScan, likeness
 from homsense.registered.layout import Layout, Pull, largest_part, lay_out, settle
 from homsense.registered.registration import (
     DISTINCT_M,
@@ -37,7 +37,6 @@ LEVELS = np.array([0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6])
 RINGS = np.array([0.2, 0.4, 0.6, 0.8, 1.0, 1.25, 1.6, 2.0, 2.6, 4.0])
 FAR_RINGS = 2
 GROUND_SD_M = 3.0
-NEIGHBORS = 4
 COVERED_SHARE = 0.5
 MAPPED, HALF_MAPPED = 0.9, 0.5
 PLAUSIBLE_M = 1.0

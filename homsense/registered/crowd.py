@@ -22,6 +22,7 @@ SIMILARITY_EDGES = np.array([0.0, *np.arange(0.05, 0.625, 0.05), 0.7, 1.0])
 NEW_SIGHTINGS_S = 3.5
 FEWEST_PAIRS = 10
 LEAST_SIMILAR = 0.25
+NEIGHBORS = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,7 +166,7 @@ class Likeness:
     radio: RadioDistance
 
 
-def likeness(crowd: Crowd, neighbors: int = 4) -> Likeness:
+def likeness(crowd: Crowd, neighbors: int = NEIGHBORS) -> Likeness:
     """Join each scan with the most similar ones of other walks.
 
     Parameters

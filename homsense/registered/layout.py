@@ -22,11 +22,11 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 STEP_FLOOR_M, STEP_SHARE = 0.1, 0.1
-STEP_SCALE = 0.05
+STEP_SCALE, HEADING_RAD = 0.05, 0.1
 REST_SHARE = 0.66
 EDGES_DEPEND = 2.0
 TOGETHER_ROUNDS, LAY_OUT_ROUNDS = 5, 14
-SETTLE_ROUNDS, SETTLED_HEADING_RAD = 8, 0.1
+SETTLE_ROUNDS = 8
 _FIRST_TOLERANCE, _TIGHTER, _LAST_TOLERANCE = 12.0, 0.6, 2.5
 _HARDLY = 1e-4
 
@@ -70,11 +70,6 @@ class _Edges(NamedTuple):
     trust: FloatArray
 
 
-class _Headings(NamedTuple):
-    mean: FloatArray
-    sd_rad: float
-
-
 class _Rows(NamedTuple):
     """Weighted equations: row, column and value of each coefficient, and the right-hand sides."""
 
@@ -110,36 +105,29 @@ class _Rows(NamedTuple):
         return found
 
 
-def lay_out(
-    crowd: Crowd, like: Likeness, heading: FloatArray | None = None, heading_sd_rad: float = 0.1
-) -> Layout:
+def lay_out(crowd: Crowd, like: Likeness) -> Layout:
     """Lay a crowd out.
 
     Parameters
     ----------
     crowd : Crowd
-        The walks.
+        Walks whose headings share a reference, such as east.
     like : Likeness
         Its edges.
-    heading : ndarray, shape (W,), float64, optional
-        What to add to the headings of each walk, radians; nothing when they share a reference,
-        such as east.
-    heading_sd_rad : float, default 0.1
-        How much that may be wrong, radians.
 
     Returns
     -------
     Layout
         Some ten percent too small, and in parts that no edge joins.
     """
-    headings = _Headings(np.zeros(crowd.n_walks) if heading is None else heading, heading_sd_rad)
-    state = Layout(np.zeros((crowd.size, 2)), headings.mean, np.zeros(crowd.n_walks))
+    heading = np.zeros(crowd.n_walks)
+    state = Layout(np.zeros((crowd.size, 2)), heading, np.zeros(crowd.n_walks))
     for number in range(LAY_OUT_ROUNDS):
         rest = np.zeros((len(like.first), 2))
         if number >= TOGETHER_ROUNDS:
             rest = _rest(state, like)
         trust = np.ones(len(rest)) if number == 0 else _trust(state, like, rest, number)
-        state = _improved(crowd, like, state, _Edges(rest, trust), headings, None)
+        state = _improved(crowd, like, state, _Edges(rest, trust), heading, None)
     return state
 
 
@@ -164,12 +152,11 @@ def settle(
     Layout
         In the frame of the map.
     """
-    headings = _Headings(start.heading, SETTLED_HEADING_RAD)
     state = Layout(start.xy, start.heading, np.zeros(crowd.n_walks))
     for number in range(SETTLE_ROUNDS):
         rest = _rest(state, like)
         trust = _trust(state, like, rest, number)
-        state = _improved(crowd, like, state, _Edges(rest, trust), headings, pull(state.xy))
+        state = _improved(crowd, like, state, _Edges(rest, trust), start.heading, pull(state.xy))
     return state
 
 
@@ -223,7 +210,7 @@ def _improved(
     like: Likeness,
     state: Layout,
     edges: _Edges,
-    headings: _Headings,
+    heading: FloatArray,
     pull: Pull | None,
 ) -> Layout:
     """Solve the equations, linear around a layout."""
@@ -256,8 +243,8 @@ def _improved(
             (place[like.second], -weight),
         )
 
-    sure_of_heading = np.full(walks, 1.0 / headings.sd_rad)
-    rows.add(sure_of_heading * (headings.mean - state.heading), (bias, sure_of_heading))
+    sure_of_heading = np.full(walks, 1.0 / HEADING_RAD)
+    rows.add(sure_of_heading * (heading - state.heading), (bias, sure_of_heading))
     rows.add(-state.log_step / STEP_SCALE, (scale, np.full(walks, 1.0 / STEP_SCALE)))
 
     to, hold = np.zeros((scans, 2)), np.full(scans, _HARDLY)

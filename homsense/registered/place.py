@@ -15,17 +15,20 @@ from homsense.code_map import CodeMap
 from homsense.errors import InvalidInputError
 from homsense.exact import exp
 from homsense.height import HeightMap
+from homsense.ragged import spread
 from homsense.registered.complex import RegisteredComplex, Sighting
 from homsense.scalar import LN_2
 
 FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 BLOCK_M = 3.0
 KERNEL_SHARE, KERNEL_CUT = 1.0, 2.5
 NOBODY = 2.0
 INDEPENDENT = 2.0
 CORRELATION_SHARE = 0.55
+LOST = 0.0005
+"""Relocation between two independent measurements, which are only a few metres apart."""
+
 COUNT_VARIANCE = 1.0
 _NOTHING_BITS = -1e3
 
@@ -86,9 +89,7 @@ class PlaceLikelihood:
             message = "the sighting is of another complex"
             raise InvalidInputError(message, "sighting")
         size = self._start[scan + 1] - self._start[scan]
-        ends = np.cumsum(size)
-        count = int(ends[-1]) if len(ends) else 0
-        entry = np.arange(count) + np.repeat(self._start[scan] - (ends - size), size)
+        _, entry = spread(self._start[scan], size)
         gain = self._weight[entry] * self._gain[self._gain_of[entry] + np.repeat(level, size)]
         nats = self._silent + np.bincount(self._block[entry], gain, len(self._silent))
         bits = (INDEPENDENT / LN_2) * (nats - nats.max())

@@ -34,6 +34,7 @@ SIMILAR_M, SIMILAR = 6.0, 8
 DISTINCT_M, DISTINCT = 15.0, 4
 HALF = 0.5
 _FINER = ((math.radians(3.0), 0.05), (math.radians(1.5), 0.025))
+COMPASS_RAD = 0.07
 _BORDER = 12
 
 

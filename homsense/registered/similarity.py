@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homsense.errors import InvalidConfigurationError
+from homsense.ragged import spread
 from homsense.scan import Reading
 
 FloatArray = NDArray[np.float64]
@@ -163,8 +164,7 @@ class ScanIndex:
         number = np.array([column for column, _ in known])
         part = np.array([amount for _, amount in known])
         size = self.start[number + 1] - self.start[number]
-        ends = np.cumsum(size)
-        posting = np.arange(ends[-1]) + np.repeat(self.start[number] - (ends - size), size)
+        _, posting = spread(self.start[number], size)
         shared = np.bincount(
             self.scan[posting],
             np.minimum(self.amount[posting], np.repeat(part, size)),

@@ -5,14 +5,17 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from concurrent.futures import TimeoutError as TooLate
 from dataclasses import dataclass
-from typing import Generic, Literal, TypeVar
+from typing import Generic, Literal, Protocol, TypeVar
 
 import homsense
 from homsense.engine import Engine
+from homsense_service.errors import ServiceError
+from homsense_service.versions import MapVersion
 
-Question = TypeVar("Question")
-Known = TypeVar("Known")
+Question = TypeVar("Question", bound="OfMap")
+Known = TypeVar("Known", bound="ForMap")
 
+GROWN = 1.25
 _STOPPED = "the service stops"
 
 
@@ -45,16 +48,57 @@ class Builder:
         self.pool.shutdown(cancel_futures=True)
 
 
-class NotReadyError(Exception):
-    """The work goes on."""
+class OfMap(Protocol):
+    """A question about a map and so many scans."""
+
+    @property
+    def map_version(self) -> MapVersion:
+        """The map."""
+        ...
+
+    @property
+    def scans(self) -> int:
+        """How many there are."""
+        ...
 
 
-class CannotError(Exception):
-    """The work has failed."""
+class ForMap(Protocol):
+    """What is known for a map from so many scans."""
+
+    @property
+    def map_digest(self) -> str:
+        """The map."""
+        ...
+
+    @property
+    def scans(self) -> int:
+        """How many there were."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Words:
+    """How to tell that something is not known yet, or cannot be.
+
+    Parameters
+    ----------
+    doing, cannot : str
+        What goes on, and what has failed.
+    steps : int
+        How many the work has.
+    pending, failed : type of ServiceError
+        The errors.
+    """
+
+    doing: str
+    cannot: str
+    steps: int
+    pending: type[ServiceError]
+    failed: type[ServiceError]
 
 
 class Background(Generic[Question, Known]):
-    """One thing that a site learns.
+    """One thing that a site learns about its map from its scans.
 
     Parameters
     ----------
@@ -62,24 +106,24 @@ class Background(Generic[Question, Known]):
         Does the work.
     build : callable
         Answers a question; tells a function how many steps are done.
-    holds : callable
-        Whether what is known still answers a question well enough.
+    words : Words
+        For those who ask too early, or in vain.
     """
 
     def __init__(
         self,
         builder: Builder,
         build: Callable[[Question, Callable[[int], None]], Known],
-        holds: Callable[[Known, Question], bool],
+        words: Words,
     ) -> None:
-        self._builder, self._build, self._holds = builder, build, holds
+        self._builder, self._build, self.words = builder, build, words
         self._lock = threading.Lock()
         self._building: Future[Known] | None = None
         self.current: Known | None = None
         self.progress = Progress("none")
 
     def refresh(self, question: Question) -> Future[Known] | None:
-        """Begin to work when what is known does not hold, unless that goes on already.
+        """Begin to work when map or scans have changed much, unless that goes on already.
 
         Parameters
         ----------
@@ -92,44 +136,69 @@ class Background(Generic[Question, Known]):
             None when what is known still holds.
         """
         with self._lock:
-            known = self.current
-            if self._building is None and (known is None or not self._holds(known, question)):
+            if self._building is None and not self._holds(question):
                 self.progress = Progress("building")
                 self._building = self._builder.pool.submit(self._work, question)
             return self._building
 
-    def found(self, question: Question, wait_s: float) -> Known:
-        """Return the answer to a question, however old, if there is none yet after a while.
+    def at_hand(self, question: Question) -> Known | None:
+        """Return what is known about a map, however old; begin to learn it when that is needed.
+
+        Parameters
+        ----------
+        question : Question
+            The site as it is now.
+
+        Returns
+        -------
+        Known or None
+            For the map of the question.
+        """
+        self.refresh(question)
+        known = self.current
+        is_same_map = known is not None and known.map_digest == question.map_version.digest
+        return known if is_same_map else None
+
+    def learnt(self, question: Question, wait_s: float) -> Known:
+        """Return what is known about a map; an older state of the same map while it is redone.
 
         Parameters
         ----------
         question : Question
             The site as it is now.
         wait_s : float
-            How long to wait, seconds.
+            How long to wait when nothing is known about this map, seconds.
 
         Returns
         -------
         Known
-            What the work in progress gives, or what is known.
+            For the map of the question.
 
         Raises
         ------
-        NotReadyError
-            If it takes longer.
-        CannotError
-            If it cannot be told.
+        ServiceError
+            Of the kinds in `words`: if it is not ready in time, or cannot be learnt.
         """
-        building = self.refresh(question)
-        if building is None:
-            assert self.current is not None
-            return self.current
-        try:
-            return building.result(wait_s)
-        except TooLate:
-            raise NotReadyError from None
-        except (homsense.HomsenseError, RuntimeError) as error:
-            raise CannotError(str(error)) from error
+        while (known := self.at_hand(question)) is None:
+            if (building := self.refresh(question)) is None:
+                continue
+            try:
+                building.result(wait_s)
+            except TooLate:
+                message = f"{self.words.doing}: {self.progress.done} of {self.words.steps}"
+                raise self.words.pending(message) from None
+            except (homsense.HomsenseError, RuntimeError) as error:
+                message = f"{self.words.cannot}: {error}"
+                raise self.words.failed(message) from error
+        return known
+
+    def _holds(self, question: Question) -> bool:
+        known = self.current
+        return (
+            known is not None
+            and known.map_digest == question.map_version.digest
+            and question.scans <= GROWN * known.scans
+        )
 
     def _work(self, question: Question) -> Known:
         try:

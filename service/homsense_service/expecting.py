@@ -6,12 +6,18 @@ from dataclasses import dataclass
 
 import homsense
 from homsense.simulation import WORLDS
-from homsense_service.background import Background, Builder, CannotError, NotReadyError
+from homsense_service.background import Background, Builder, Words
 from homsense_service.errors import ExpectationFailedError, ExpectationPendingError
 from homsense_service.versions import MapVersion
 
 _KEPT = 4
-GROWN = 1.25
+_WORDS = Words(
+    "what the sensor counts is being simulated",
+    "what the sensor counts cannot be told",
+    WORLDS,
+    ExpectationPendingError,
+    ExpectationFailedError,
+)
 
 
 @dataclass(frozen=True)
@@ -66,46 +72,9 @@ class Expecting(Background[Question, Learnt]):
     """
 
     def __init__(self, builder: Builder) -> None:
-        super().__init__(builder, self._learn, _still_holds)
+        super().__init__(builder, self._learn, _WORDS)
         self._engine = builder.engine
         self._known: OrderedDict[tuple[object, ...], homsense.Expectation] = OrderedDict()
-
-    def learnt(self, question: Question, wait_s: float) -> Learnt:
-        """Return what the site has learnt; an older state of the same map while it builds.
-
-        Parameters
-        ----------
-        question : Question
-            The site as it is now.
-        wait_s : float
-            How long to wait when nothing is known about this map, seconds.
-
-        Returns
-        -------
-        Learnt
-            For the map of the question.
-
-        Raises
-        ------
-        ExpectationPendingError
-            If it is not ready in time.
-        ExpectationFailedError
-            If it cannot be built.
-        """
-        self.refresh(question)
-        known, wanted = self.current, question.map_version.digest
-        if known is not None and known.map_digest == wanted:
-            return known
-        try:
-            found = self.found(question, wait_s)
-        except NotReadyError:
-            done = self.progress.done
-            message = f"what the sensor counts is being simulated: {done} of {WORLDS}"
-            raise ExpectationPendingError(message) from None
-        except CannotError as error:
-            message = f"what the sensor counts cannot be told: {error}"
-            raise ExpectationFailedError(message) from error
-        return found if found.map_digest == wanted else self.learnt(question, wait_s)
 
     def _learn(self, question: Question, on_world: Callable[[int], None]) -> Learnt:
         space, digest = question.map_version.free_space, question.map_version.digest
@@ -123,8 +92,3 @@ class Expecting(Background[Question, Learnt]):
         while len(self._known) > _KEPT:
             self._known.popitem(last=False)
         return Learnt(digest, question.scans, radio, expectation)
-
-
-def _still_holds(known: Learnt, question: Question) -> bool:
-    is_same_map = known.map_digest == question.map_version.digest
-    return is_same_map and question.scans <= GROWN * known.scans

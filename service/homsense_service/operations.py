@@ -187,7 +187,7 @@ class Operations:
             return site.sensor(wanted.hops, wanted.expected)
         if wanted.type == "auto":
             return self._fitting(site, wanted)
-        registered = site.registering.registered(
+        registered = site.registering.learnt(
             self.sites.crowd(site), self._settings.expectation_wait_s
         )
         if wanted.type == "registered":

@@ -8,15 +8,21 @@ from numpy.typing import NDArray
 
 import homsense
 from homsense.registered.complex import STAGES
-from homsense_service.background import Background, Builder, CannotError, NotReadyError
+from homsense.registered.place import BLOCK_M
+from homsense_service.background import Background, Builder, Words
 from homsense_service.errors import RegistrationFailedError, RegistrationPendingError
 from homsense_service.records import StoredScan
 from homsense_service.versions import MapVersion
 
-BLOCK_M = 3.0
 SAMPLED = 200
-GROWN = 1.25
 HEARINGS = (homsense.Hearing(), homsense.Hearing(weakest_dbm=-95.0))
+_WORDS = Words(
+    "the crowd is being registered",
+    "the crowd cannot be registered",
+    len(STAGES) * len(HEARINGS),
+    RegistrationPendingError,
+    RegistrationFailedError,
+)
 
 
 @dataclass(frozen=True)
@@ -29,9 +35,9 @@ class CrowdQuestion:
         The map.
     reachable : homsense.FreeSpace
         Where devices are looked for.
-    tracked : int
-        Scans whose devices keep account of their motion.
-    scans : callable
+    scans : int
+        Those whose devices keep account of their motion.
+    walks : callable
         Returns them.
     rotation_sd_rad : float, optional
         How far the headings of the crowd are from east, radians; unknown when absent.
@@ -39,8 +45,8 @@ class CrowdQuestion:
 
     map_version: MapVersion
     reachable: homsense.FreeSpace
-    tracked: int
-    scans: Callable[[], Iterable[homsense.WalkScan]]
+    scans: int
+    walks: Callable[[], Iterable[homsense.WalkScan]]
     rotation_sd_rad: float | None
 
 
@@ -52,8 +58,8 @@ class Registered:
     ----------
     map_version : MapVersion
         The map that it lies on.
-    tracked : int
-        Scans that there were.
+    scans : int
+        How many there were, with tracks.
     complex : homsense.RegisteredComplex
         Those that hang together, with places.
     likelihood : homsense.PlaceLikelihood
@@ -67,12 +73,17 @@ class Registered:
     """
 
     map_version: MapVersion
-    tracked: int
+    scans: int
     complex: homsense.RegisteredComplex
     likelihood: homsense.PlaceLikelihood
     coverage: float
     sample: tuple[tuple[homsense.Reading, ...], ...]
     sample_xy: NDArray[np.float64]
+
+    @property
+    def map_digest(self) -> str:
+        """The map that it lies on."""
+        return self.map_version.digest
 
 
 class Registering(Background[CrowdQuestion, Registered]):
@@ -85,61 +96,7 @@ class Registering(Background[CrowdQuestion, Registered]):
     """
 
     def __init__(self, builder: Builder) -> None:
-        super().__init__(builder, _register, _still_holds)
-
-    def at_hand(self, question: CrowdQuestion) -> Registered | None:
-        """Return the crowd on this map if it is there already; begin to place it if not.
-
-        Parameters
-        ----------
-        question : CrowdQuestion
-            The site as it is now.
-
-        Returns
-        -------
-        Registered or None
-            For the map of the question.
-        """
-        self.refresh(question)
-        known = self.current
-        is_same_map = known and known.map_version.digest == question.map_version.digest
-        return known if is_same_map else None
-
-    def registered(self, question: CrowdQuestion, wait_s: float) -> Registered:
-        """Return the crowd on the map; an older state of the same map while it is redone.
-
-        Parameters
-        ----------
-        question : CrowdQuestion
-            The site as it is now.
-        wait_s : float
-            How long to wait when there is none on this map, seconds.
-
-        Returns
-        -------
-        Registered
-            For the map of the question.
-
-        Raises
-        ------
-        RegistrationPendingError
-            If it is not ready in time.
-        RegistrationFailedError
-            If the crowd finds no place.
-        """
-        if (known := self.at_hand(question)) is not None:
-            return known
-        wanted = question.map_version.digest
-        try:
-            found = self.found(question, wait_s)
-        except NotReadyError:
-            done = self.progress.done
-            message = f"the crowd is being registered: {done} of {len(STAGES) * len(HEARINGS)}"
-            raise RegistrationPendingError(message) from None
-        except CannotError as error:
-            message = f"the crowd cannot be registered: {error}"
-            raise RegistrationFailedError(message) from error
-        return found if found.map_version.digest == wanted else self.registered(question, wait_s)
+        super().__init__(builder, _register, _WORDS)
 
 
 def walk_scan(scan: StoredScan, readings: Iterable[homsense.Reading]) -> homsense.WalkScan | None:
@@ -165,7 +122,7 @@ def walk_scan(scan: StoredScan, readings: Iterable[homsense.Reading]) -> homsens
 
 
 def _register(question: CrowdQuestion, on_step: Callable[[int], None]) -> Registered:
-    version, scans, done = question.map_version, list(question.scans()), 0
+    version, scans, done = question.map_version, list(question.walks()), 0
 
     def reached(_stage: str) -> None:
         nonlocal done
@@ -188,15 +145,10 @@ def _register(question: CrowdQuestion, on_step: Callable[[int], None]) -> Regist
     ground = homsense.CodeMap.blocks(version.free_space, BLOCK_M).expected[1:]
     return Registered(
         version,
-        question.tracked,
+        question.scans,
         found,
         homsense.PlaceLikelihood(found, blocks),
         float(found.covers(ground).mean()),
         tuple(scans[source].readings for source in found.source[some]),
         found.xy[some],
     )
-
-
-def _still_holds(known: Registered, question: CrowdQuestion) -> bool:
-    is_same_map = known.map_version.digest == question.map_version.digest
-    return is_same_map and question.tracked <= GROWN * known.tracked

@@ -1,7 +1,6 @@
 """What a site has learnt about itself -> wire."""
 
 import homsense
-from homsense.simulation import WORLDS
 from homsense_service import schemas
 from homsense_service.expecting import Expecting, Learnt
 
@@ -12,7 +11,7 @@ def render_expectation(expecting: Expecting) -> schemas.ExpectationOut:
     return schemas.ExpectationOut(
         state=progress.state,
         done=progress.done,
-        of=WORLDS,
+        of=expecting.words.steps,
         reason=progress.reason,
         learnt=None if known is None else _learnt(known),
     )

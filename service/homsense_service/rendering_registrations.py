@@ -4,9 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from homsense.registered.complex import STAGES
 from homsense_service import schemas
-from homsense_service.registering import HEARINGS, Registered
+from homsense_service.registering import Registered
 from homsense_service.site import Site
 
 
@@ -16,7 +15,7 @@ def render_registration(site: Site) -> schemas.RegistrationOut:
     return schemas.RegistrationOut(
         state=progress.state,
         done=progress.done,
-        of=len(STAGES) * len(HEARINGS),
+        of=site.registering.words.steps,
         reason=progress.reason,
         tracked=site.tracked,
         placed=None if known is None else _placed(known),
@@ -26,8 +25,8 @@ def render_registration(site: Site) -> schemas.RegistrationOut:
 def _placed(known: Registered) -> schemas.PlacedOut:
     found = known.complex
     return schemas.PlacedOut(
-        map_version=known.map_version.digest,
-        tracked=known.tracked,
+        map_version=known.map_digest,
+        tracked=known.scans,
         scans=found.size,
         walks=len(np.unique(found.walk)),
         reach_m=found.reach_m,

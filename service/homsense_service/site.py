@@ -78,8 +78,11 @@ class Site:
 
     def visible(self, stored: Iterable[StoredReading]) -> frozenset[str]:
         """Return the landmarks that count as visible under the site's configuration."""
+        return self._in_view(self.readings(stored))
+
+    def _in_view(self, readings: Iterable[homsense.Reading]) -> frozenset[str]:
         return homsense.visible_landmarks(
-            self.readings(stored),
+            readings,
             min_rssi_dbm=self.config.min_rssi_dbm,
             max_age_s=self.config.max_age_s,
         )
@@ -199,24 +202,18 @@ class Site:
 
     def measure(self, stored: Sequence[StoredReading], sensor: Sensor) -> Measured:
         """Return what a sensor makes of a scan."""
-        visible = self.visible(stored) if sensor.hops else frozenset()
+        readings = self.readings(stored)
+        visible = self._in_view(readings) if sensor.hops else frozenset()
         holes = self._count(visible, sensor) if visible else None
         if sensor.registered is None:
             return Measured(holes)
-        return Measured(holes, sensor.registered.complex.sighting(self.readings(stored)))
+        return Measured(holes, sensor.registered.complex.sighting(readings))
 
     def counts_tell_bits(self, sensor: Sensor, crowd: Registered) -> float:
         """Return what counts tell about the place of a scan, judged by a registered crowd."""
         if sensor.noise is None:
             return 0.0
-        seen = [
-            homsense.visible_landmarks(
-                readings,
-                min_rssi_dbm=self.config.min_rssi_dbm,
-                max_age_s=self.config.max_age_s,
-            )
-            for readings in crowd.sample
-        ]
+        seen = map(self._in_view, crowd.sample)
         counted = [self._count(visible, sensor) if visible else None for visible in seen]
         made = [number for number, counts in enumerate(counted) if counts is not None]
         weigh = CodeLikelihood(self.code_map(crowd.map_version, sensor.heights), sensor.noise)

@@ -7,6 +7,7 @@ from typing import Any
 
 import homsense
 from homsense.engine import Engine
+from homsense.registered.registration import COMPASS_RAD
 from homsense_service.background import Builder
 from homsense_service.errors import SiteNotFoundError
 from homsense_service.records import SiteConfig, StoredScan
@@ -15,8 +16,6 @@ from homsense_service.settings import Settings
 from homsense_service.site import Site
 from homsense_service.store import Store
 from homsense_service.versions import ComplexVersion, MapVersion, WitnessCheck
-
-COMPASS_RAD = 0.07
 
 
 class SiteRegistry:

@@ -1,7 +1,7 @@
 """One device, localized from nothing: with each sensor, and with each control."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
@@ -23,6 +23,7 @@ from homsense import (
 )
 from homsense.likelihood import CodeLikelihood
 from homsense.registered.complex import is_unmapped
+from homsense.registered.place import LOST
 from homsense_cli.accuracy.legs import Leg, drive_through, shuffled, true_counts
 from homsense_cli.accuracy.scenario import Imu
 from homsense_cli.accuracy.scene import CityScene, Scene
@@ -44,7 +45,6 @@ WEAKER: dict[Control, tuple[Control, ...]] = {
     "registered": ("no homology", "elsewhere"),
     "holes at place": ("no homology",),
 }
-LOST = 0.0005
 HOLES_REACHES, HEIGHT_CELL_M = (2.5, 5.0), 4.0
 COVERAGE_SAMPLE = 200
 LEVELS = (0.5, 0.9, 0.95)
@@ -142,34 +142,41 @@ def run_controls(
     dict of str to Track
         ``homology`` counts holes, ``no homology`` knows motion and walls alone, ``shuffled`` has
         the counts in another order, ``true counts`` those that are expected where the device is.
-        With a registered crowd also ``registered``, ``elsewhere`` with scans of other places, and
-        ``both`` for counts and crowd together.
+        With a registered crowd also ``registered``, ``elsewhere`` with scans of other places,
+        ``both`` for counts and crowd together, and ``holes at place`` for the counts that are
+        read where a scan seems to have been made.
     """
     counting = CodeLikelihood(scene.code_map, scene.noise)
     exact = CodeLikelihood(scene.code_map, scene.expectation.noise())
-    given: dict[Control, tuple[Likelihood, list[object | None]]] = {
-        "homology": (counting, [leg.counts for leg in legs]),
-        "no homology": (counting, [None for _ in legs]),
-        "shuffled": (counting, [leg.counts for leg in shuffled(legs, [*seed, 4])]),
-        "true counts": (exact, [leg.counts for leg in true_counts(scene, legs)]),
+    given: dict[Control, Callable[[], Sensed]] = {
+        "homology": lambda: Sensed(counting, [leg.counts for leg in legs]),
+        "no homology": lambda: Sensed(counting, [None for _ in legs]),
+        "shuffled": lambda: Sensed(counting, [leg.counts for leg in shuffled(legs, [*seed, 4])]),
+        "true counts": lambda: Sensed(exact, [leg.counts for leg in true_counts(scene, legs)]),
     }
     if scene.crowd is not None:
-        place = scene.crowd.likelihood
-        joint = JointLikelihood(place, counting)
-        given["registered"] = place, [leg.sighting for leg in legs]
-        given["elsewhere"] = place, [leg.elsewhere for leg in legs]
-        given["both"] = joint, [_both(leg) for leg in legs]
+        place, sightings = scene.crowd.likelihood, [leg.sighting for leg in legs]
         reach_m = scene.crowd.registered.reach_m
-        heights = [
-            HeightMap.geometric(scene.site_map, reaches * reach_m, cell_m=HEIGHT_CELL_M)
-            for reaches in HOLES_REACHES
-        ]
-        given["holes at place"] = HolesAtPlace(place, heights), [leg.sighting for leg in legs]
+        given |= {
+            "registered": lambda: Sensed(place, sightings),
+            "elsewhere": lambda: Sensed(place, [leg.elsewhere for leg in legs]),
+            "both": lambda: Sensed(JointLikelihood(place, counting), [_both(leg) for leg in legs]),
+            "holes at place": lambda: Sensed(
+                HolesAtPlace(place, _heights(scene, reach_m)), sightings
+            ),
+        }
     return {
-        control: localize(scene, legs, Sensed(*sensed), seed[1], how)
+        control: localize(scene, legs, sensed(), seed[1], how)
         for control, sensed in given.items()
         if control in how.only or not how.only
     }
+
+
+def _heights(scene: Scene, reach_m: float) -> list[HeightMap]:
+    return [
+        HeightMap.geometric(scene.site_map, reaches * reach_m, cell_m=HEIGHT_CELL_M)
+        for reaches in HOLES_REACHES
+    ]
 
 
 def _both(leg: Leg) -> JointMeasurement | None:
@@ -185,12 +192,12 @@ class Sensed(NamedTuple):
     ----------
     likelihood : Likelihood
         The model.
-    measured : list
+    measured : sequence
         One for each leg; None where there is nothing to weigh.
     """
 
     likelihood: Likelihood
-    measured: list[object | None]
+    measured: Sequence[object | None]
 
 
 def localize(scene: Scene, legs: Sequence[Leg], sensed: Sensed, seed: int, how: Filter) -> Track:

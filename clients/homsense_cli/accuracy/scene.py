@@ -30,13 +30,11 @@ from homsense import (
 )
 from homsense.expectation import HOPS
 from homsense.likelihood import CodeLikelihood
+from homsense.registered.place import BLOCK_M
+from homsense.registered.registration import COMPASS_RAD
 from homsense_cli.accuracy.scenario import Scenario
 
 CELL_M = 2.0
-
-
-BLOCK_M = 3.0
-COMPASS_RAD = 0.07
 WEAKEST_DBM = -95.0
 SAMPLED = 200
 

@@ -7,6 +7,7 @@ from pydantic import Field, model_validator
 from shapely.geometry import Polygon
 
 import homsense
+from homsense.registered.place import LOST
 from homsense_service.own_motion import Motion, Walked
 from homsense_service.schemas.wire import HopList, Landmarks, Moment, Wire, unix_seconds
 from homsense_service.sensors import Kind, Sensor
@@ -14,7 +15,6 @@ from homsense_service.sensors import Kind, Sensor
 _IMU, _NOISE, _ODOMETRY = homsense.ImuMotion(), homsense.CountNoise(), homsense.OdometryMotion()
 _KLD, _AMCL, _RELOCATION = homsense.KldSampling(), homsense.AugmentedMcl(), homsense.Relocation()
 _DEFAULTS = homsense.LocalizerConfig()
-LOST = 0.0005
 
 
 class HeadingIn(Wire):
