@@ -55,6 +55,21 @@ class EpochFiltration:
         """The epochs that are kept, rising."""
         return sorted(self._epochs)
 
+    def epoch(self, number: int) -> WitnessFiltration:
+        """Return the filtration of one epoch.
+
+        Parameters
+        ----------
+        number : int
+            One of `epochs`.
+
+        Returns
+        -------
+        WitnessFiltration
+            What was observed in it.
+        """
+        return self._epochs[number]
+
     def with_observations(self, observations: Iterable[tuple[int, str, Iterable[str]]]) -> Self:
         """Return the filtration with more observations.
 

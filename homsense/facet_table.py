@@ -215,11 +215,28 @@ class FacetTable:
         FacetTable
             A writer of its own.
         """
+        return cls.of(version.rows(version.live()), names[: version.n_landmarks])
+
+    @classmethod
+    def of(cls, rows: Ragged, names: Sequence[str]) -> Self:
+        """Return a table of some facets.
+
+        Parameters
+        ----------
+        rows : Ragged
+            Landmark numbers of each facet, rising; none lies in another.
+        names : sequence of str
+            The names of the landmarks by number.
+
+        Returns
+        -------
+        FacetTable
+            A writer of its own.
+        """
         table = cls()
-        table.names = list(names[: version.n_landmarks])
+        table.names = list(names)
         table.numbers = {name: number for number, name in enumerate(table.names)}
-        rows = version.rows(version.live())
-        n_facets, n_landmarks = len(rows.ends) - 1, version.n_landmarks
+        n_facets, n_landmarks = len(rows.ends) - 1, len(table.names)
         table.n_facets, table.row_start, table.points = n_facets, rows.ends, rows.values
         table.swallowed_by = np.full(n_facets, NEVER, np.int32)
         table.tally = np.zeros(n_facets, np.int32)

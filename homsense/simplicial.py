@@ -184,7 +184,12 @@ class LandmarkComplex:
     @property
     def landmarks(self) -> frozenset[str]:
         """The vertices: all landmarks that were ever observed."""
-        return frozenset(self._table.names[: self.n_landmarks])
+        return frozenset(self.numbered)
+
+    @property
+    def numbered(self) -> list[str]:
+        """The vertices by number."""
+        return self._table.names[: self.n_landmarks]
 
     @property
     def version(self) -> Version:
@@ -391,6 +396,5 @@ class LandmarkComplex:
         return type(self).from_observations(shared, self._engine)
 
     def _named_facets(self) -> Iterator[list[str]]:
-        names = self._table.names
         for row in self._version.rows(self._version.live()).lists():
-            yield [names[number] for number in row]
+            yield [self._table.names[number] for number in row]

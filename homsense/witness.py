@@ -6,7 +6,7 @@ simplices that m - 1 others have seen. That is exact and independent of the orde
 Scans inside the highest level are forgotten: whoever sees them, nothing changes.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from itertools import product
 from typing import Self
 
@@ -144,6 +144,27 @@ class WitnessFiltration:
             Equal to this one.
         """
         return self._of([k.run_by(engine) for k in self._levels], self._pending.run_by(engine))
+
+    @property
+    def parts(self) -> tuple[LandmarkComplex, ...]:
+        """The levels, and behind them what was seen by witness, as `of_parts` takes them."""
+        return (*self._levels, self._pending)
+
+    @classmethod
+    def of_parts(cls, parts: Sequence[LandmarkComplex]) -> Self:
+        """Return the filtration that has some parts.
+
+        Parameters
+        ----------
+        parts : sequence of LandmarkComplex
+            From `parts`.
+
+        Returns
+        -------
+        WitnessFiltration
+            Equal to the one they are from.
+        """
+        return cls()._of(parts[:-1], parts[-1])
 
     def _of(self, levels: Iterable[LandmarkComplex], pending: LandmarkComplex) -> Self:
         same = type(self)()

@@ -1,5 +1,6 @@
 """The composition root: settings -> application."""
 
+import logging
 import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, closing
@@ -14,11 +15,12 @@ from homsense_service.metrics import Metrics, TimedRequests
 from homsense_service.operations import Operations
 from homsense_service.routes import expectations, health, registrations, scans, sessions, sites
 from homsense_service.schemas import Problem
-from homsense_service.sessions import SessionTable
 from homsense_service.settings import Settings
 from homsense_service.sites import SiteRegistry
 from homsense_service.store import SqliteStore, Store
 from homsense_service.warming import Warming
+
+_log = logging.getLogger(__name__)
 
 
 def create_app(
@@ -43,11 +45,15 @@ def create_app(
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         with closing(open_store(chosen.data)) as store:
+            if store.caution:
+                _log.warning(store.caution)
             warming = Warming(chosen.engine)
             with closing(SiteRegistry(store, chosen, warming.engine, time.time)) as registry:
-                table = SessionTable(chosen.max_sessions, warming.backend)
-                app.state.operations = Operations(registry, table, chosen)
-                app.state.metrics = Metrics(lambda: len(registry.all()), lambda: len(table))
+                operations = Operations(registry, store, chosen, time.time, warming.backend)
+                app.state.operations, app.state.store = operations, store
+                app.state.metrics = Metrics(
+                    lambda: len(registry.all()), lambda: len(operations.sessions)
+                )
                 yield
 
     app = FastAPI(

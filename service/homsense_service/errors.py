@@ -17,12 +17,20 @@ class MapMissingError(ServiceError):
     """The site has no map yet."""
 
 
+class PreconditionError(ServiceError):
+    """What is to be changed is not what the caller has seen."""
+
+
 class SequenceConflictError(ServiceError):
     """A step number lies in the past and its first answer is not the one asked for."""
 
 
 class CapacityError(ServiceError):
     """The service holds as many sessions as it may."""
+
+
+class OverloadError(ServiceError):
+    """More is asked of the service than it can do now."""
 
 
 class ExpectationPendingError(ServiceError):

@@ -1,23 +1,29 @@
 """What the service does. Every rim parses, calls one of these, and renders the answer."""
 
+import secrets
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import homsense
+from homsense.backend import Backend, fastest
 from homsense.diagnosis import USUAL_AGE_S
-from homsense.likelihood import CodeLikelihood
 from homsense_service import schemas
+from homsense_service.archive import Archive
 from homsense_service.expecting import Expecting
-from homsense_service.records import StoredScan
+from homsense_service.localizing import localizing, restored, run_document
+from homsense_service.records import SessionRecord, StoredScan
 from homsense_service.registering import Registered, Registering
+from homsense_service.revisions import Expected, whatever
+from homsense_service.runs import Course, Fix, Run, Step
 from homsense_service.sensors import Sensor
-from homsense_service.sessions import Fix, Session, SessionTable, Step
+from homsense_service.session_table import SessionTable
+from homsense_service.sessions import Session
 from homsense_service.settings import Settings
 from homsense_service.site import Site
 from homsense_service.sites import SiteRegistry
-from homsense_service.versions import MapVersion
+from homsense_service.store import Store
 
 Answer = TypeVar("Answer")
 
@@ -62,22 +68,37 @@ class Operations:
     ----------
     sites : SiteRegistry
         All sites.
-    sessions : SessionTable
-        All live sessions.
+    store : Store
+        Where all survives.
     settings : Settings
         Limits.
+    clock : callable
+        Returns Unix seconds.
+    backend : callable
+        Returns what runs the filters now.
     """
 
-    def __init__(self, sites: SiteRegistry, sessions: SessionTable, settings: Settings) -> None:
-        self.sites = sites
-        self.sessions = sessions
-        self._settings = settings
+    def __init__(
+        self,
+        sites: SiteRegistry,
+        store: Store,
+        settings: Settings,
+        clock: Callable[[], float],
+        backend: Callable[[], Backend] = fastest,
+    ) -> None:
+        self.sites, self._store, self._settings = sites, store, settings
+        self._clock, self._backend = clock, backend
+        self._archive = Archive(store.artifact)
+        self.sessions = SessionTable(settings.max_sessions, store, self._wake)
 
-    def delete_site(self, name: str) -> None:
+    def check(self) -> None:
+        """Raise `StoreError` when the store does not answer."""
+        self._store.check()
+
+    def delete_site(self, name: str, expected: Expected = whatever) -> None:
         """Delete a site and close its sessions."""
-        site = self.sites.get(name)
-        self.sites.delete(name)
-        self.sessions.close_site(site)
+        self.sites.delete(name, expected)
+        self.sessions.forget_site(name)
 
     def ingest_scans(
         self, name: str, batch: Sequence[schemas.ScanIn | schemas.DroppedScan]
@@ -134,31 +155,47 @@ class Operations:
             gains=site.gains(learnt),
         )
 
-    def open_session(self, name: str, request: schemas.SessionIn) -> Session:
-        """Start localizing a device on a site."""
-        site = self.sites.get(name)
+    def open_session(self, site_name: str, request: schemas.SessionIn) -> Session:
+        """Start localizing a device on a site; what that takes is on disk."""
+        site = self.sites.get(site_name)
         version = site.require_map()
         sensor = self._sensor(site, request.sensor)
-        config = request.to_localizer_config(self._settings.cell_m, sensor)
-        localizer = _localizer(site, version, sensor, config)
-        return self.sessions.open(
-            site, version, localizer, sensor, request.seed, contribute=request.contribute
+        run = localizing(site, version, site.config.wall_tolerance_m, sensor, request)
+        seed = secrets.randbits(64) if request.seed is None else request.seed
+        course = Course.begun(run, seed)
+        document, artifacts = run_document(run, self._archive)
+        record = SessionRecord(
+            secrets.token_urlsafe(12),
+            site_name,
+            self._clock(),
+            {
+                "seed": seed,
+                "contribute": request.contribute,
+                "request": request.model_dump_json(),
+                "run": document,
+            },
         )
+
+        def keep() -> Session:
+            self._store.open_session(record, artifacts)
+            return self._session(record, site, course, request)
+
+        return self.sessions.admit(keep)
 
     def move_session(self, name: str) -> Session:
         """Let a session go on with the current map of its site."""
         session = self.sessions.get(name)
-        version = session.site.require_map()
-        before = session.sensor
+        site = session.site
+        version = site.require_map()
+        before = session.run.sensor
         wanted = schemas.SensorIn(
             type=before.kind, hops=list(before.hops) or None, expected=before.expected
         )
-        sensor = self._sensor(session.site, wanted)
-        config = session.localizer.config
-        if sensor.noise is not None:
-            config = replace(config, noise=sensor.noise)
-        localizer = _localizer(session.site, version, sensor, config)
-        session.migrate(version, sensor, localizer)
+        sensor = self._sensor(site, wanted)
+        run = localizing(
+            site, version, site.config.wall_tolerance_m, sensor, _request(session.record)
+        )
+        session.migrate(run, *run_document(run, self._archive))
         return session
 
     def take_steps(
@@ -167,13 +204,29 @@ class Operations:
         steps: Sequence[schemas.StepIn],
         answer: Callable[[Session, Fix], Answer],
     ) -> Answer:
-        """Apply steps to a session and answer with what follows from the last."""
+        """Apply steps to a session and answer with what follows from the last; all is on disk."""
         session = self.sessions.get(name)
         given = [_step(step) for step in steps]
-        answered = session.apply(given, partial(answer, session))
-        if contributed := session.contributions():
-            self.sites.add_scans(session.site, contributed)
+        answered = session.apply(given, partial(answer, session), session.site.receive)
+        if session.contributes:
+            self.sites.catch_up(session.site)
         return answered
+
+    def _wake(self, record: SessionRecord) -> Session:
+        """Return a session as it was before a restart."""
+        site, request = self.sites.get(record.site), _request(record)
+        run = restored(record.document["run"], site, request, self._archive)
+        session = self._session(record, site, Course.begun(run, record.document["seed"]), request)
+        session.resume()
+        return session
+
+    def _session(
+        self, record: SessionRecord, site: Site, course: Course, request: schemas.SessionIn
+    ) -> Session:
+        def restore(document: dict[str, Any]) -> Run:
+            return restored(document, site, request, self._archive)
+
+        return Session(record, site, course, self._store, restore, self._backend)
 
     def register(self, name: str) -> Registering:
         """Begin to place the crowd of a site on its map, if that is not known."""
@@ -223,21 +276,8 @@ def _stale_share(
     return sum(counting) / max(1, len(counting))
 
 
-def _localizer(
-    site: Site,
-    version: MapVersion,
-    sensor: Sensor,
-    config: homsense.LocalizerConfig,
-) -> homsense.Localizer:
-    found: homsense.Likelihood | None = None
-    if sensor.hops:
-        found = CodeLikelihood(site.code_map(version, sensor.heights), config.noise)
-    if sensor.registered is not None:
-        place = sensor.registered.likelihood
-        found = place if found is None else homsense.JointLikelihood(place, found)
-    return homsense.Localizer(
-        version.site_map, (), config, free_space=site.reachable(version), likelihood=found
-    )
+def _request(record: SessionRecord) -> schemas.SessionIn:
+    return schemas.SessionIn.model_validate_json(record.document["request"])
 
 
 def _step(wire: schemas.StepIn) -> Step:

@@ -32,8 +32,10 @@ KINDS: dict[type[Exception], Kind] = {
     errors.SiteNotFoundError: Kind(404, "site_not_found", "No such site"),
     errors.SessionNotFoundError: Kind(404, "session_not_found", "No such session"),
     errors.MapMissingError: Kind(409, "map_missing", "The site has no map"),
+    errors.PreconditionError: Kind(412, "precondition_failed", "Somebody else was faster"),
     errors.SequenceConflictError: Kind(409, "sequence_conflict", "The step cannot be applied"),
     errors.CapacityError: Kind(503, "capacity", "The service is full"),
+    errors.OverloadError: Kind(503, "overload", "Too much is asked at once"),
     errors.ExpectationPendingError: Kind(503, "expectation_pending", "Not ready yet"),
     errors.ExpectationFailedError: Kind(
         409, "expectation_failed", "The sensor cannot be simulated"

@@ -1,7 +1,7 @@
 """What the store keeps; plain values between the store and the sites."""
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 NEAR_AND_FAR = (2, 3)
 
@@ -98,3 +98,136 @@ class StoredScan:
     observed_at: float
     readings: tuple[StoredReading, ...]
     track: dict[str, Any] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SiteRecord:
+    """A site without its map and scans.
+
+    Parameters
+    ----------
+    config : SiteConfig
+        How it is configured.
+    revision : int
+        Grows whenever configuration or map are replaced.
+    """
+
+    config: SiteConfig
+    revision: int = 1
+
+
+class NumberedScan(NamedTuple):
+    """A scan and its place in the log.
+
+    Parameters
+    ----------
+    number : int
+        Rising, not without gaps.
+    scan : StoredScan
+        As it was posted.
+    """
+
+    number: int
+    scan: StoredScan
+
+
+@dataclass(frozen=True, slots=True)
+class Checkpoint:
+    """What a site has made of the log, so that a start need not read all of it.
+
+    Parameters
+    ----------
+    through : int
+        Number of the last scan in it.
+    key : str
+        The configuration that it was made under.
+    body : bytes
+        From `checkpoints.py`.
+    """
+
+    through: int
+    key: str
+    body: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class SessionRecord:
+    """A session as it was opened.
+
+    Parameters
+    ----------
+    name, site : str
+        Identifiers.
+    opened_at_s : float
+        Unix seconds.
+    document : dict
+        From `journaling.py`.
+    """
+
+    name: str
+    site: str
+    opened_at_s: float
+    document: dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something that has changed a session.
+
+    Parameters
+    ----------
+    number : int
+        1, 2, 3... within the session.
+    seq : int
+        Of the step; of the last step before when it is no step.
+    fingerprint : bytes
+        Hash of what the device gave; empty when it is no step.
+    body : bytes
+        From `journaling.py`.
+    """
+
+    number: int
+    seq: int
+    fingerprint: bytes
+    body: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """The state of a session after an event; a cache, the journal is the truth.
+
+    Parameters
+    ----------
+    number : int
+        Of the event.
+    body : bytes
+        From `journaling.py`.
+    """
+
+    number: int
+    body: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class KeyRecord:
+    """An API key; the key itself is not kept.
+
+    Parameters
+    ----------
+    name : str
+        For people; also names it when it is deleted.
+    hashed : bytes
+        SHA-256 of the key.
+    scopes : tuple of str
+        What it is good for.
+    sites : tuple of str, optional
+        Where; everywhere when absent.
+    created_at_s : float
+        Unix seconds.
+    """
+
+    name: str
+    hashed: bytes
+    scopes: tuple[str, ...]
+    sites: tuple[str, ...] | None
+    created_at_s: float

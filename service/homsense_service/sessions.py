@@ -1,131 +1,88 @@
-"""Live sessions: one device's run on a site."""
+"""A live session: a course that goes on only when the disk has what leads on."""
 
-import secrets
 import threading
 from collections import OrderedDict
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable
 from typing import Any, TypeVar
 
-import homsense
-from homsense.backend import Backend, fastest
-from homsense_service.errors import CapacityError, SequenceConflictError, SessionNotFoundError
-from homsense_service.own_motion import Motion, OwnMotion
-from homsense_service.records import StoredReading, StoredScan
-from homsense_service.sensors import Measured, Sensor
+from homsense.backend import Backend
+from homsense_service import journaling
+from homsense_service.errors import SequenceConflictError, StoreError
+from homsense_service.journaling import Moved, fingerprint
+from homsense_service.records import Event, SessionRecord, StoredScan
+from homsense_service.runs import Course, Fix, Run, Step
 from homsense_service.site import Site
-from homsense_service.versions import MapVersion
+from homsense_service.store import Artifacts, Committed, Store
 
-_REMEMBERED = 1024
+REPEATABLE = 256
+SNAPSHOT_EVERY = 256
+_ANSWERS = 8
 
 Answer = TypeVar("Answer")
-
-
-@dataclass(frozen=True)
-class Fix:
-    """The answer to a step.
-
-    Parameters
-    ----------
-    seq : int
-        Number of the step; 0 before the first.
-    t : float, optional
-        Time of the step as the device gave it, seconds.
-    pose : homsense.PoseDistribution
-        What is known.
-    measured : Measured, optional
-        The measurement that was used; none without a scan.
-    state : homsense.LocalizerState
-        What the filter remembers.
-    """
-
-    seq: int
-    t: float | None
-    pose: homsense.PoseDistribution
-    measured: Measured | None
-    state: homsense.LocalizerState
-
-
-@dataclass(frozen=True)
-class Step:
-    """One input of a session.
-
-    Parameters
-    ----------
-    seq : int
-        Number of the step, rising, from 1.
-    t : float, optional
-        Time, seconds.
-    motion : Motion
-        Since the step before.
-    readings : tuple of StoredReading
-        What was heard; nothing without a scan.
-    """
-
-    seq: int
-    t: float | None
-    motion: Motion
-    readings: tuple[StoredReading, ...] = ()
+Restore = Callable[[dict[str, Any]], Run]
 
 
 class Session:
-    """The state of one run and its lock.
+    """One device's run on a site.
 
     Parameters
     ----------
-    name : str
-        Identifier.
+    record : SessionRecord
+        As it was opened.
     site : Site
         Where it runs.
-    map_version : MapVersion
-        The map it was opened on; a later map does not change it.
-    localizer : homsense.Localizer
-        The filter.
-    sensor : Sensor
-        How it measures.
-    seed : int
-        Key of its random numbers.
-    contribute : bool
-        Whether its scans join the crowd of the site.
+    course : Course
+        Before the first event.
+    store : Store
+        Has its journal.
+    restore : callable
+        Returns the run that a document tells of.
     backend : callable
         Returns what runs the filter now.
     """
 
-    def __init__(  # noqa: PLR0913 - all of a session
+    def __init__(
         self,
-        name: str,
+        record: SessionRecord,
         site: Site,
-        map_version: MapVersion,
-        localizer: homsense.Localizer,
-        sensor: Sensor,
-        *,
-        seed: int,
-        contribute: bool,
+        course: Course,
+        store: Store,
+        restore: Restore,
         backend: Callable[[], Backend],
     ) -> None:
-        self.name = name
-        self.site = site
-        self.map_version = map_version
-        self.localizer = localizer
-        self.sensor = sensor
-        self.seed = seed
-        self._backend = backend
+        self.record, self.name, self.site = record, record.name, site
+        self.contributes = bool(record.document["contribute"])
+        self.seed = int(record.document["seed"])
+        self._store, self._restore, self._backend = store, restore, backend
         self._lock = threading.Lock()
-        state = localizer.start(seed)
-        self._fix = Fix(0, None, localizer.estimate(state), None, state)
-        self._own_motion = OwnMotion()
-        self._contributes = contribute
-        self._track = homsense.Travel(credit_m=0.0)
-        self._contributed: list[StoredScan] = []
-        self._applied: OrderedDict[int, Step] = OrderedDict()
+        self._begun = self._course = course
+        self._snapshot_at = 0
+        self._fingerprints: OrderedDict[int, bytes] = OrderedDict()
         self._answers: OrderedDict[int, Any] = OrderedDict()
 
     @property
     def fix(self) -> Fix:
-        """The latest answer."""
-        return self._fix
+        """The latest state that is on disk."""
+        return self._course.fix
 
-    def apply(self, steps: list[Step], answer: Callable[[Fix], Answer]) -> Answer:
+    @property
+    def run(self) -> Run:
+        """What it localizes with."""
+        return self._course.fix.run
+
+    def resume(self) -> None:
+        """Go on from the journal, as if the session had never been interrupted.
+
+        Raises
+        ------
+        StoreError
+            If the journal is damaged.
+        """
+        self._course = self._replayed(self._store.snapshots(self.name))
+
+    def apply(
+        self, steps: list[Step], answer: Callable[[Fix], Answer], committed: Committed
+    ) -> Answer:
         """Apply steps in the order of `seq`; those applied before change nothing.
 
         Parameters
@@ -133,163 +90,150 @@ class Session:
         steps : list of Step
             At least one.
         answer : callable
-            Makes the answer from the fix after the last step.
+            Makes the answer from the state after the last step.
+        committed : callable
+            Told the scans that join the crowd of the site.
 
         Returns
         -------
         Answer
-            The same as before when all steps were applied before and the last one was answered.
+            The same as before when all steps were applied before. The steps are on disk.
 
         Raises
         ------
         SequenceConflictError
             If a step lies in the past and is unknown, forgotten or different; then none of the
             steps is applied.
+        StoreError
+            If the steps cannot be kept; then none is applied.
         """
         ordered = sorted(steps, key=lambda step: step.seq)
+        given = {step.seq: fingerprint(step) for step in ordered}
         last = ordered[-1].seq
         with self._lock:
-            self._check(ordered)
-            if last <= self._fix.seq:
-                known: Answer | None = self._answers.get(last)
-                return answer(self._fix) if known is None else known
+            self._check(ordered, given)
+            if last <= self.fix.seq:
+                return self._answer_again(last, answer)
+            course, events, scans = self._course, list[Event](), list[StoredScan]()
             for step in ordered:
-                if step.seq > self._fix.seq:
-                    self._advance(step)
-            given = answer(self._fix)
-            self._answers[last] = given
-            _forget_oldest(self._answers)
-            return given
+                if step.seq <= course.fix.seq:
+                    continue
+                course = self._onward(course, step)
+                events.append(
+                    journaling.taken(course, step, given[step.seq], told=step.seq == last)
+                )
+                if self.contributes and step.readings:
+                    scans.append(self._scan(course, step))
+            made = answer(course.fix)
+            added = (self.site.name, scans, committed) if scans else None
+            self._store.journal(self.name, events, scans=added)
+            self._course = course
+            self._fingerprints.update((event.seq, event.fingerprint) for event in events)
+            self._answers[last] = made
+            _forget_oldest(self._fingerprints, SNAPSHOT_EVERY // 8)
+            _forget_oldest(self._answers, _ANSWERS)
+            if course.number - self._snapshot_at >= SNAPSHOT_EVERY:
+                self._snapshot_at = course.number
+                self._store.put_snapshot(self.name, journaling.snapshot(course))
+            return made
 
-    def migrate(self, version: MapVersion, sensor: Sensor, localizer: homsense.Localizer) -> None:
+    def migrate(self, run: Run, document: dict[str, Any], artifacts: Artifacts) -> None:
         """Go on with another map: particles stay, those that it has no room for lose weight."""
         with self._lock:
-            if version.digest == self.map_version.digest:
+            if run.map_version.digest == self.run.map_version.digest:
                 return
-            self.map_version, self.sensor, self.localizer = version, sensor, localizer
-            state = localizer.migrate(self._fix.state)
-            self._fix = replace(self._fix, pose=localizer.estimate(state), state=state)
+            course = self._course.moved(run)
+            event = journaling.moved(course, document)
+            self._store.journal(self.name, [event], artifacts=artifacts)
+            self._course = course
             self._answers.clear()
 
-    def _check(self, ordered: list[Step]) -> None:
-        pending: dict[int, Step] = {}
+    def replayed_from_start(self) -> Course:
+        """Return what the journal alone leads to."""
+        return self._replayed(())
+
+    def _check(self, ordered: list[Step], given: dict[int, bytes]) -> None:
+        doubles: dict[int, Step] = {}
         for step in ordered:
-            before = pending.get(step.seq) or self._applied.get(step.seq)
-            if before is not None and before != step:
-                message = f"step {step.seq} was given before with other content"
+            if doubles.setdefault(step.seq, step) != step:
+                raise SequenceConflictError(_different(step.seq))
+        past = [step.seq for step in ordered if step.seq <= self.fix.seq]
+        if not past:
+            return
+        known: dict[int, bytes] = dict(self._fingerprints)
+        if not known.keys() >= set(past):
+            known = self._store.fingerprints(self.name, past[0], past[-1])
+        for seq in past:
+            if seq not in known:
+                message = f"step {seq} lies before step {self.fix.seq}, already applied"
                 raise SequenceConflictError(message)
-            if before is None and step.seq <= self._fix.seq:
-                message = f"step {step.seq} lies before step {self._fix.seq}, already applied"
-                raise SequenceConflictError(message)
-            pending[step.seq] = step
+            if known[seq] != given[seq]:
+                raise SequenceConflictError(_different(seq))
 
-    def _advance(self, step: Step) -> None:
-        duration = 1.0
-        if step.t is not None and self._fix.t is not None:
-            duration = max(0.0, step.t - self._fix.t)
-        measured = self.site.measure(step.readings, self.sensor) if step.readings else None
-        delta, self._own_motion = self._own_motion.onward(step.motion, duration)
-        self.localizer = self.localizer.run_by(self._backend())
-        weighed = None if measured is None else measured.by(self.sensor.kind)
-        state, pose = self.localizer.step(self._fix.state, delta, weighed)
-        self._fix = Fix(step.seq, step.t, pose, measured, state)
-        self._track = self._track.onward(delta)
-        if self._contributes and step.readings:
-            self._contributed.append(self._scan(step))
-        self._applied[step.seq] = step
-        _forget_oldest(self._applied)
+    def _answer_again(self, seq: int, answer: Callable[[Fix], Answer]) -> Answer:
+        known: Answer | None = self._answers.get(seq)
+        if known is not None:
+            return known
+        if seq == self.fix.seq:
+            return answer(self.fix)
+        if seq < self.fix.seq - REPEATABLE:
+            message = f"step {seq} lies so far before step {self.fix.seq} that its answer is gone"
+            raise SequenceConflictError(message)
+        return answer(self._replayed(self._store.snapshots(self.name), seq).fix)
 
-    def contributions(self) -> list[StoredScan]:
-        """Return the scans that have come since the last call, as ones of the crowd."""
-        with self._lock:
-            given, self._contributed = self._contributed, []
-        return given
+    def _onward(self, course: Course, step: Step) -> Course:
+        sensor = course.fix.run.sensor
+        measured = self.site.measure(step.readings, sensor) if step.readings else None
+        return course.onward(step, measured, self._backend)
 
-    def _scan(self, step: Step) -> StoredScan:
+    def _replayed(self, snapshots: Iterable[Any], through_seq: int | None = None) -> Course:
+        """Return the course after a step, or after all events, from the latest snapshot before."""
+        runs = {0: self._begun.fix.run}
+        for event in self._store.events(self.name):
+            if not event.fingerprint:
+                found = journaling.read(event)
+                assert isinstance(found, Moved)
+                runs[event.number] = self._restore(found.run)
+        course = self._begun
+        for kept in snapshots:
+            of = max(number for number in runs if number <= kept.number)
+            resumed = journaling.resumed(kept, runs[of])
+            if resumed is not None and (through_seq is None or resumed.fix.seq <= through_seq):
+                course = resumed
+                break
+        for event in self._store.events(self.name, course.number):
+            if through_seq is not None and course.fix.seq >= through_seq:
+                break
+            found = journaling.read(event)
+            if event.number != course.number + 1:
+                message = f"session {self.name}: event {course.number + 1} is missing"
+                raise StoreError(message)
+            if isinstance(found, Moved):
+                course = course.moved(runs[event.number])
+                continue
+            course = course.onward(found.step, found.measured, self._backend)
+            if found.digest is not None and course.fix.digest != found.digest:
+                message = f"session {self.name} does not replay: step {event.seq} differs"
+                raise StoreError(message)
+        return course
+
+    def _scan(self, course: Course, step: Step) -> StoredScan:
         """Return the scan of a step, at the place that the device's own motion says."""
         moment_s = float(step.seq) if step.t is None else step.t
         track = {
             "id": self.name,
-            "x_m": self._track.forward_m,
-            "y_m": self._track.left_m,
+            "x_m": course.track.forward_m,
+            "y_m": course.track.left_m,
             "heading_rad": None,
         }
         device = f"session {self.name}"
         return StoredScan(device, str(step.seq), moment_s, step.readings, track)
 
 
-def _forget_oldest(remembered: OrderedDict[int, Any]) -> None:
-    while len(remembered) > _REMEMBERED:
+def _different(seq: int) -> str:
+    return f"step {seq} was given before with other content"
+
+
+def _forget_oldest(remembered: OrderedDict[int, Any], most: int) -> None:
+    while len(remembered) > most:
         remembered.popitem(last=False)
-
-
-class SessionTable:
-    """All live sessions.
-
-    Parameters
-    ----------
-    capacity : int
-        How many there may be.
-    backend : callable
-        Returns what runs the filters now.
-    """
-
-    def __init__(self, capacity: int, backend: Callable[[], Backend] = fastest) -> None:
-        self._capacity = capacity
-        self._backend = backend
-        self._lock = threading.Lock()
-        self._sessions: dict[str, Session] = {}
-
-    def open(
-        self,
-        site: Site,
-        map_version: MapVersion,
-        localizer: homsense.Localizer,
-        sensor: Sensor,
-        seed: int | None,
-        *,
-        contribute: bool,
-    ) -> Session:
-        """Start a session; draw a seed when none is given."""
-        chosen = secrets.randbits(64) if seed is None else seed
-        name = secrets.token_urlsafe(12)
-        session = Session(
-            name,
-            site,
-            map_version,
-            localizer,
-            sensor,
-            seed=chosen,
-            contribute=contribute,
-            backend=self._backend,
-        )
-        with self._lock:
-            if len(self._sessions) >= self._capacity:
-                message = f"there are {self._capacity} sessions already"
-                raise CapacityError(message)
-            self._sessions[name] = session
-        return session
-
-    def get(self, name: str) -> Session:
-        """Return a session or raise `SessionNotFoundError`."""
-        try:
-            return self._sessions[name]
-        except KeyError:
-            message = f"there is no session {name!r}"
-            raise SessionNotFoundError(message) from None
-
-    def close(self, name: str) -> None:
-        """Forget a session."""
-        with self._lock:
-            self.get(name)
-            del self._sessions[name]
-
-    def close_site(self, site: Site) -> None:
-        """Forget all sessions of a site."""
-        with self._lock:
-            gone = [name for name, session in self._sessions.items() if session.site is site]
-            for name in gone:
-                del self._sessions[name]
-
-    def __len__(self) -> int:
-        return len(self._sessions)

@@ -2,7 +2,7 @@
 
 import hashlib
 import threading
-from collections import OrderedDict
+from collections import OrderedDict, deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from itertools import islice
@@ -12,9 +12,10 @@ import homsense
 from homsense.engine import Engine, fastest
 from homsense.likelihood import CodeLikelihood
 from homsense_service.background import Builder
+from homsense_service.checkpoints import Digested
 from homsense_service.errors import MapMissingError
 from homsense_service.expecting import Expecting, Learnt, Question
-from homsense_service.records import SiteConfig, StoredReading, StoredScan
+from homsense_service.records import NumberedScan, SiteConfig, StoredReading, StoredScan
 from homsense_service.registering import Registered, Registering
 from homsense_service.sensors import Measured, Sensor, check_simulated, simulated_sensor
 from homsense_service.settings import Settings
@@ -37,6 +38,7 @@ class Site:
     ) -> None:
         self.name = name
         self.config = config
+        self.revision = 1
         self.map: MapVersion | None = None
         self.writing = threading.Lock()
         self._settings = settings
@@ -53,8 +55,10 @@ class Site:
         self.expecting = Expecting(own_builder)
         self.registering = Registering(own_builder)
         self.tracked = 0
+        self.through = 0
+        self._inbox: deque[NumberedScan] = deque()
         self._codes: tuple[tuple[homsense.HeightMap, ...], homsense.CodeMap] | None = None
-        self._reachable: tuple[tuple[str, float], homsense.FreeSpace] | None = None
+        self._reachable: tuple[MapVersion, float, homsense.FreeSpace] | None = None
         self._caching = threading.Lock()
         self._deriving = threading.Lock()
 
@@ -63,9 +67,34 @@ class Site:
         self.complex = self._nothing(generation=self.complex.generation + 1)
         self._sample = {}
         self._profiles = {}
-        self.tracked = 0
+        self.tracked = self.through = 0
         with self._caching:
             self._sensed.clear()
+
+    def resume(self, digested: Digested, through: int) -> None:
+        """Go on from what the scans up to a number were made into."""
+        self.complex, self._sample = digested.complex, dict(digested.sample)
+        self.tracked, self.through = digested.tracked, through
+
+    def digested(self) -> Digested:
+        """Return what the scans up to `through` were made into; the caller holds `writing`."""
+        return Digested(self.complex, self._sample, self.tracked)
+
+    def receive(self, committed: Sequence[NumberedScan]) -> None:
+        """Take note of scans that are on disk, in the order of the log."""
+        self._inbox.extend(committed)
+
+    def catch_up(self, now_s: float) -> ComplexVersion:
+        """Join the scans that were received into the complex; the caller holds `writing`."""
+        waiting = [self._inbox.popleft() for _ in range(len(self._inbox))]
+        return self.take_in(waiting, now_s)
+
+    def take_in(self, scans: Iterable[NumberedScan], now_s: float) -> ComplexVersion:
+        """Join the next scans of the log into the complex, each once."""
+        fresh = [entry for entry in scans if entry.number > self.through]
+        if fresh:
+            self.through = fresh[-1].number
+        return self.absorb([entry.scan for entry in fresh], now_s)
 
     def _nothing(self, generation: int) -> ComplexVersion:
         empty = homsense.WitnessFiltration(self.config.quorum, self._engine())
@@ -216,7 +245,8 @@ class Site:
         seen = map(self._in_view, crowd.sample)
         counted = [self._count(visible, sensor) if visible else None for visible in seen]
         made = [number for number, counts in enumerate(counted) if counts is not None]
-        weigh = CodeLikelihood(self.code_map(crowd.map_version, sensor.heights), sensor.noise)
+        reachable = self.reachable(crowd.map_version)
+        weigh = CodeLikelihood(self.code_map(reachable, sensor.heights), sensor.noise)
         return homsense.mean_advantage_bits(
             weigh, [counted[number] for number in made], crowd.sample_xy[made]
         )
@@ -264,26 +294,29 @@ class Site:
         )
 
     def code_map(
-        self, current: MapVersion, heights: tuple[homsense.HeightMap, ...]
+        self, reachable: homsense.FreeSpace, heights: tuple[homsense.HeightMap, ...]
     ) -> homsense.CodeMap:
-        """Return height maps of the current map as one look-up table."""
-        reachable = self.reachable(current)
+        """Return height maps as one look-up table."""
         with self._deriving:
             known = self._codes
             if known is None or known[0] != heights or known[1].free_space is not reachable:
                 self._codes = known = heights, homsense.CodeMap.of(reachable, heights)
             return known[1]
 
-    def reachable(self, current: MapVersion) -> homsense.FreeSpace:
+    def reachable(
+        self, version: MapVersion, tolerance_m: float | None = None
+    ) -> homsense.FreeSpace:
         """Return where devices are looked for: free space, and a little behind its walls."""
-        tolerance_m = self.config.wall_tolerance_m
+        if tolerance_m is None:
+            tolerance_m = self.config.wall_tolerance_m
         if not tolerance_m:
-            return current.free_space
+            return version.free_space
         with self._deriving:
-            key = current.digest, tolerance_m
-            if self._reachable is None or self._reachable[0] != key:
-                self._reachable = key, current.free_space.widened(tolerance_m)
-            return self._reachable[1]
+            known = self._reachable
+            if known is None or known[0] is not version or known[1] != tolerance_m:
+                widened = version.free_space.widened(tolerance_m)
+                self._reachable = known = version, tolerance_m, widened
+            return known[2]
 
     def _height(self, hops: int) -> homsense.HeightMap:
         current, config = self.require_map(), self.config

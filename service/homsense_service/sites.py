@@ -3,19 +3,25 @@
 import math
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import islice
 from typing import Any
 
 import homsense
 from homsense.engine import Engine
 from homsense.registered.registration import COMPASS_RAD
 from homsense_service.background import Builder
+from homsense_service.checkpoints import checkpoint_key, from_bytes, sensing, to_bytes
 from homsense_service.errors import SiteNotFoundError
-from homsense_service.records import SiteConfig, StoredScan
+from homsense_service.records import Checkpoint, SiteConfig, SiteRecord, StoredScan
 from homsense_service.registering import CrowdQuestion, walk_scan
+from homsense_service.revisions import Expected, check, whatever
 from homsense_service.settings import Settings
 from homsense_service.site import Site
 from homsense_service.store import Store
 from homsense_service.versions import ComplexVersion, MapVersion, WitnessCheck
+
+_LEAST_TAIL, _LONGEST_TAIL = 500, 20_000
+_CHUNK = 5000
 
 
 class SiteRegistry:
@@ -46,7 +52,8 @@ class SiteRegistry:
         self._engine = engine
         self._builder = Builder(engine)
         self._lock = threading.Lock()
-        self._sites = {name: self._load(name, config) for name, config in store.sites().items()}
+        self._checkpointed: dict[str, int] = {}
+        self._sites = {name: self._load(name, record) for name, record in store.sites().items()}
 
     def all(self) -> list[Site]:
         """Return the sites by name."""
@@ -64,56 +71,78 @@ class SiteRegistry:
         """Stop what goes on in the background."""
         self._builder.close()
 
-    def check_store(self) -> None:
-        """Raise `StoreError` when the store does not answer."""
-        self._store.sites()
-
-    def put(self, name: str, config: SiteConfig) -> tuple[Site, bool]:
-        """Create or reconfigure a site; tell whether it is new."""
+    def put(
+        self, name: str, config: SiteConfig, expected: Expected = whatever
+    ) -> tuple[Site, bool]:
+        """Create or reconfigure a site, if its revision is an expected one; tell if it is new."""
         with self._lock:
             site = self._sites.get(name)
-            self._store.put_site(name, config)
+            check(None if site is None else str(site.revision), expected)
             if site is None:
-                self._sites[name] = site = Site(
-                    name, config, self._settings, self._engine, self._builder
-                )
+                self._store.put_site(name, SiteRecord(config))
+                self._sites[name] = site = self._new(name, SiteRecord(config))
                 return site, True
         with site.writing:
+            check(str(site.revision), expected)
+            self._store.put_site(name, SiteRecord(config, site.revision + 1))
             before, site.config = site.config, config
-            if _sees_differently(before, config):
+            site.revision += 1
+            if sensing(before) != sensing(config):
                 self._rebuild(site)
             if site.map is not None and before.origin != config.origin:
                 site.map = self.read_map(site.map.document, config)
         return site, False
 
-    def delete(self, name: str) -> None:
+    def delete(self, name: str, expected: Expected = whatever) -> None:
         """Delete a site with everything that belongs to it."""
         with self._lock:
-            self.get(name)
+            check(str(self.get(name).revision), expected)
             self._store.delete_site(name)
             del self._sites[name]
 
-    def put_map(self, site: Site, document: dict[str, Any]) -> MapVersion:
+    def put_map(
+        self, site: Site, document: dict[str, Any], expected: Expected = whatever
+    ) -> MapVersion:
         """Replace a site's map once it is known to be sound."""
         version = self.read_map(document, site.config)
         with site.writing:
-            self._store.put_map(site.name, document)
+            check(None if site.map is None else site.map.digest, expected)
+            self._store.put_map(site.name, document, site.revision + 1)
             site.map = version
+            site.revision += 1
         return version
 
     def add_scans(
         self, site: Site, scans: Sequence[StoredScan]
     ) -> tuple[list[bool], ComplexVersion]:
         """Log scans, then join the new ones into the complex."""
+        fresh = self._store.add_scans(site.name, scans, site.receive)
+        return fresh, self.catch_up(site)
+
+    def catch_up(self, site: Site) -> ComplexVersion:
+        """Join the scans that are on disk into the complex, and learn from it when it is time."""
         with site.writing:
-            fresh = self._store.add_scans(site.name, scans)
-            new = [scan for scan, is_new in zip(scans, fresh, strict=True) if is_new]
-            version = site.absorb(new, self._clock())
+            version = site.catch_up(self._clock())
         if site.map is not None and site.expecting.current is not None:
             site.expecting.refresh(site.question())
         if site.map is not None and site.registering.current is not None:
             site.registering.refresh(self.crowd(site))
-        return fresh, version
+        if self._is_due(site):
+            self._checkpointed[site.name] = version.number
+            self._builder.pool.submit(self.keep_checkpoint, site)
+        return version
+
+    def keep_checkpoint(self, site: Site) -> None:
+        """Keep what a site has made of its scans so far."""
+        with site.writing:
+            digested, through, config = site.digested(), site.through, site.config
+        key = checkpoint_key(config, self._settings.calibration_scans)
+        self._store.put_checkpoint(site.name, Checkpoint(through, key, to_bytes(digested)))
+
+    def _is_due(self, site: Site) -> bool:
+        """Tell whether the end of the log has become so long that a start would be slow."""
+        kept, now = self._checkpointed.get(site.name, 0), site.complex.number
+        return now - kept >= min(max(_LEAST_TAIL, kept // 4), _LONGEST_TAIL)
 
     def crowd(self, site: Site) -> CrowdQuestion:
         """Return what the registration of a site depends on now."""
@@ -127,14 +156,14 @@ class SiteRegistry:
         )
 
     def _walks(self, site: Site) -> Iterator[homsense.WalkScan]:
-        for scan in self._store.scans(site.name):
+        for _, scan in self._store.scans(site.name):
             if (walked := walk_scan(scan, site.readings(scan.readings))) is not None:
                 yield walked
 
     def some_scans(self, site: Site) -> list[StoredScan]:
         """Return scans of a site, evenly over the log when there are many."""
-        scans = list(self._store.scans(site.name))
-        return scans[:: max(1, -(-len(scans) // self._settings.calibration_scans))]
+        step = max(1, -(-site.complex.number // self._settings.calibration_scans))
+        return [entry.scan for entry in islice(self._store.scans(site.name), 0, None, step)]
 
     def range_curve(
         self,
@@ -144,7 +173,8 @@ class SiteRegistry:
         most_in_view: float = math.inf,
     ) -> list[homsense.RangePoint]:
         """Return the range self-check over some scans of a site, or over all."""
-        chosen = self._store.scans(site.name) if scans is None else scans
+        logged = (entry.scan for entry in self._store.scans(site.name))
+        chosen = logged if scans is None else scans
         return homsense.range_curve(
             (site.readings(scan.readings) for scan in chosen),
             max_age_s=site.config.max_age_s,
@@ -155,39 +185,42 @@ class SiteRegistry:
     def witness_curve(self, site: Site) -> WitnessCheck:
         """Return the witness check over all scans of a site."""
         seen = [
-            (scan.device, site.visible(scan.readings)) for scan in self._store.scans(site.name)
+            (scan.device, site.visible(scan.readings)) for _, scan in self._store.scans(site.name)
         ]
         median = homsense.median_witnesses(seen)
         return WitnessCheck(median, homsense.witness_curve(seen, engine=self._engine()))
 
     def read_map(self, document: dict[str, Any], config: SiteConfig) -> MapVersion:
         """Return the version that a document describes, without storing it."""
-        site_map = homsense.SiteMap.from_geojson(document, origin=config.origin)
-        free_space = homsense.FreeSpace.of(site_map, self._settings.cell_m)
-        return MapVersion(document, site_map, free_space, site_map.digest())
+        return MapVersion.read(document, config.origin, self._settings.cell_m)
 
-    def _load(self, name: str, config: SiteConfig) -> Site:
-        site = Site(name, config, self._settings, self._engine, self._builder)
+    def _new(self, name: str, record: SiteRecord) -> Site:
+        site = Site(name, record.config, self._settings, self._engine, self._builder)
+        site.revision = record.revision
+        return site
+
+    def _load(self, name: str, record: SiteRecord) -> Site:
+        site = self._new(name, record)
         document = self._store.map_document(name)
         if document is not None:
-            site.map = self.read_map(document, config)
-        self._rebuild(site)
+            site.map = self.read_map(document, record.config)
+        kept = self._store.checkpoint(name)
+        if kept is not None and kept.key == checkpoint_key(
+            record.config, self._settings.calibration_scans
+        ):
+            site.resume(from_bytes(kept.body, 1, self._engine()), kept.through)
+            self._checkpointed[name] = site.complex.number
+        self._read_on(site)
         return site
 
     def _rebuild(self, site: Site) -> None:
         site.forget()
-        site.absorb(list(self._store.scans(site.name)), self._clock())
+        self._checkpointed.pop(site.name, None)
+        self._read_on(site)
 
-
-def _sees_differently(before: SiteConfig, after: SiteConfig) -> bool:
-    def sensing(config: SiteConfig) -> tuple[object, ...]:
-        return (
-            config.landmark_key,
-            config.min_rssi_dbm,
-            config.max_age_s,
-            config.quorum,
-            config.quarantine,
-            config.retention,
-        )
-
-    return sensing(before) != sensing(after)
+    def _read_on(self, site: Site) -> None:
+        """Join what the log has behind the last scan that was taken in."""
+        log = self._store.scans(site.name, site.through)
+        while chunk := list(islice(log, _CHUNK)):
+            site.take_in(chunk, self._clock())
+        site.take_in((), self._clock())

@@ -1,7 +1,7 @@
 """What a site is at one moment: its map, and what its scans say."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import homsense
 
@@ -20,12 +20,24 @@ class MapVersion:
         Its free cells.
     digest : str
         Content hash: the version.
+    origin : tuple of float, optional
+        Georeference that was given beside the document.
     """
 
     document: dict[str, Any]
     site_map: homsense.SiteMap
     free_space: homsense.FreeSpace
     digest: str
+    origin: tuple[float, float] | None = None
+
+    @classmethod
+    def read(
+        cls, document: dict[str, Any], origin: tuple[float, float] | None, cell_m: float
+    ) -> Self:
+        """Return the version that a document describes."""
+        site_map = homsense.SiteMap.from_geojson(document, origin=origin)
+        free_space = homsense.FreeSpace.of(site_map, cell_m)
+        return cls(document, site_map, free_space, site_map.digest(), origin)
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from homsense import (
     sense_local_homology,
     witness_curve,
 )
+from homsense.plain import from_plain, to_plain
 
 WITNESS = st.sampled_from("abcd")
 SCAN = st.frozensets(LANDMARKS, max_size=5)
@@ -126,3 +127,18 @@ def test_what_is_older_than_an_epoch_was_never_seen(
     left = [*(entry for entry in before if entry[0] >= epoch), *after]
     assert built.epochs == sorted({entry[0] for entry in left})
     assert built.merged.digest() == empty.with_observations(e[1:] for e in left).digest()
+
+
+@given(EPOCHS, EPOCHS, st.integers(1, 3))
+def test_a_filtration_that_was_kept_as_plain_arrays_grows_as_it_would_have(
+    before: list[tuple[int, str, frozenset[str]]],
+    after: list[tuple[int, str, frozenset[str]]],
+    depth: int,
+) -> None:
+    lived = EpochFiltration(WitnessFiltration(depth)).with_observations(before)
+    kept = from_plain(to_plain(lived))
+    assert kept.epochs == lived.epochs
+    assert kept.merged.digest() == lived.merged.digest()
+    grown, same = kept.with_observations(after), lived.with_observations(after)
+    assert grown.merged.digest() == same.merged.digest()
+    assert grown.since(3).merged.digest() == same.since(3).merged.digest()

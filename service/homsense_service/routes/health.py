@@ -21,7 +21,7 @@ def healthz() -> schemas.HealthzOut:
 @router.get("/readyz", summary="Readiness", responses=problems(503))
 def readyz(operations: OperationsDep) -> schemas.HealthzOut:
     """Answer when the store does: its sites are read again."""
-    operations.sites.check_store()
+    operations.check()
     return schemas.HealthzOut(status="ok")
 
 

@@ -4,7 +4,8 @@ from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Query
 
-from homsense_service import rendering, schemas
+from homsense_service import rendering_poses as rendering
+from homsense_service import schemas
 from homsense_service.routes.access import (
     MetricsDep,
     OperationsDep,
@@ -91,7 +92,7 @@ def get_distribution(
     found = operations.sessions.get(session)
     if format == "grid":
         return rendering.render_grid(found.fix.pose)
-    return rendering.render_geojson(found.fix.pose, found.map_version.site_map)
+    return rendering.render_geojson(found.fix.pose, found.run.map_version.site_map)
 
 
 @router.delete(

@@ -1,0 +1,105 @@
+"""All sessions of the process; those of before the last start sleep until they are asked for."""
+
+import threading
+from collections.abc import Callable, Iterable
+
+from homsense_service.errors import CapacityError, SessionNotFoundError
+from homsense_service.records import SessionRecord
+from homsense_service.sessions import Session
+from homsense_service.store import Store
+
+
+class SessionTable:
+    """All sessions that were not closed.
+
+    Parameters
+    ----------
+    capacity : int
+        How many there may be.
+    store : Store
+        Where they survive.
+    wake : callable
+        Returns a session as it was when the process before this one ended.
+    """
+
+    def __init__(
+        self, capacity: int, store: Store, wake: Callable[[SessionRecord], Session]
+    ) -> None:
+        self._capacity, self._store, self._wake = capacity, store, wake
+        self._lock = threading.Lock()
+        self._waking: dict[str, threading.Lock] = {}
+        self._asleep = {record.name: record for record in store.sessions()}
+        self._awake: dict[str, Session] = {}
+        self._opening = 0
+
+    def admit(self, keep: Callable[[], Session]) -> Session:
+        """Add the session that a function has kept in the store, if there is room."""
+        with self._lock:
+            if len(self) + self._opening >= self._capacity:
+                message = f"there are {self._capacity} sessions already"
+                raise CapacityError(message)
+            self._opening += 1
+        try:
+            session = keep()
+            self._awake[session.name] = session
+        finally:
+            with self._lock:
+                self._opening -= 1
+        return session
+
+    def get(self, name: str) -> Session:
+        """Return a session, as it was before a restart if need be.
+
+        Raises
+        ------
+        SessionNotFoundError
+            If there is none.
+        """
+        if (awake := self._awake.get(name)) is not None:
+            return awake
+        with self._lock:
+            waking = self._waking.setdefault(name, threading.Lock())
+        with waking:
+            record = self._asleep.get(name)
+            if record is not None:
+                self._awake[name] = self._wake(record)
+                self._asleep.pop(name, None)
+            with self._lock:
+                self._waking.pop(name, None)
+        try:
+            return self._awake[name]
+        except KeyError:
+            message = f"there is no session {name!r}"
+            raise SessionNotFoundError(message) from None
+
+    def site_of(self, name: str) -> str:
+        """Return the name of the site of a session, without waking it."""
+        if (awake := self._awake.get(name)) is not None:
+            return awake.site.name
+        if (asleep := self._asleep.get(name)) is not None:
+            return asleep.site
+        message = f"there is no session {name!r}"
+        raise SessionNotFoundError(message)
+
+    def close(self, name: str) -> None:
+        """Forget a session."""
+        self.site_of(name)
+        self._store.close_session(name)
+        self._forget([name])
+
+    def forget_site(self, site: str) -> None:
+        """Forget all sessions of a site that is no more."""
+        self._forget([name for name in self.names() if self.site_of(name) == site])
+
+    def names(self) -> list[str]:
+        """Return the names of all sessions."""
+        return [*self._awake, *self._asleep]
+
+    def _forget(self, names: Iterable[str]) -> None:
+        with self._lock:
+            for name in names:
+                self._awake.pop(name, None)
+                self._asleep.pop(name, None)
+
+    def __len__(self) -> int:
+        return len(self._awake) + len(self._asleep)

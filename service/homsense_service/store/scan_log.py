@@ -1,0 +1,110 @@
+"""The log of scans in SQL; each function is a job for the writer, or reads."""
+
+import json
+import sqlite3
+from collections.abc import Iterator, Sequence
+
+from homsense_service.errors import SiteNotFoundError
+from homsense_service.records import Checkpoint, NumberedScan, StoredScan
+from homsense_service.store.landmarks import Landmarks
+from homsense_service.store.packing import landmark_numbers, packed, unpacked
+
+_INSERT = (
+    "INSERT INTO scan (site, device, scan_id, observed_at, readings, track) "
+    "VALUES (?, ?, ?, ?, ?, ?) ON CONFLICT DO NOTHING"
+)
+_SELECT = (
+    "SELECT number, device, scan_id, observed_at, readings, track FROM scan "
+    "WHERE site = ? AND number > ? ORDER BY number"
+)
+
+OF_DEVICE = "DELETE FROM scan WHERE site = ? AND device = ?"
+BEFORE = "DELETE FROM scan WHERE site = ? AND observed_at < ?"
+
+
+def site_number(connection: sqlite3.Connection, site: str) -> int:
+    """Return the number of a site or raise `SiteNotFoundError`."""
+    row = connection.execute("SELECT number FROM site WHERE name = ?", (site,)).fetchone()
+    if row is None:
+        message = f"there is no site {site!r}"
+        raise SiteNotFoundError(message)
+    return int(row[0])
+
+
+def add_scans(
+    connection: sqlite3.Connection, landmarks: Landmarks, site: str, scans: Sequence[StoredScan]
+) -> list[NumberedScan | None]:
+    """Append scans; return those that were new, and None for each of the others."""
+    of_site = site_number(connection, site)
+    number_of = landmarks.numbering(connection, of_site)
+    added: list[NumberedScan | None] = []
+    for scan in scans:
+        track = None if scan.track is None else json.dumps(scan.track)
+        body = packed(scan.readings, number_of)
+        row = (of_site, scan.device, scan.scan_id, scan.observed_at, body, track)
+        done = connection.execute(_INSERT, row)
+        added.append(NumberedScan(done.lastrowid or 0, scan) if done.rowcount else None)
+    return added
+
+
+def scans(connection: sqlite3.Connection, site: str, after: int) -> Iterator[NumberedScan]:
+    """Yield a site's scans in the order of the log."""
+    connection.execute("BEGIN")
+    try:
+        of_site = site_number(connection, site)
+        rows = connection.execute(_SELECT, (of_site, after))
+        names: dict[int, str] = {}
+        for number, device, scan_id, observed_at, body, track in rows:
+            if not names:
+                names = dict(
+                    connection.execute(
+                        "SELECT number, name FROM landmark WHERE site = ?", (of_site,)
+                    )
+                )
+            readings = unpacked(body, names.__getitem__)
+            scan = StoredScan(device, scan_id, observed_at, readings, track and json.loads(track))
+            yield NumberedScan(number, scan)
+    finally:
+        connection.execute("ROLLBACK")
+
+
+def delete_scans(
+    connection: sqlite3.Connection,
+    landmarks: Landmarks,
+    site: str,
+    statement: str,
+    value: str | float,
+) -> int:
+    """Delete scans by one of `OF_DEVICE`, `BEFORE`, and the names that only they had.
+
+    The checkpoint that they are in goes too.
+    """
+    of_site = site_number(connection, site)
+    deleted = connection.execute(statement, (of_site, value)).rowcount
+    if deleted:
+        heard: set[int] = set()
+        for (body,) in connection.execute("SELECT readings FROM scan WHERE site = ?", (of_site,)):
+            heard.update(landmark_numbers(body))
+        known = connection.execute("SELECT number FROM landmark WHERE site = ?", (of_site,))
+        gone = [row for row in known.fetchall() if row[0] not in heard]
+        connection.executemany("DELETE FROM landmark WHERE number = ?", gone)
+        connection.execute("DELETE FROM checkpoint WHERE site = ?", (of_site,))
+        landmarks.forget(of_site)
+    return deleted
+
+
+def checkpoint(connection: sqlite3.Connection, site: str) -> Checkpoint | None:
+    """Return the last checkpoint of a site."""
+    row = connection.execute(
+        "SELECT through, key, body FROM checkpoint WHERE site = ?",
+        (site_number(connection, site),),
+    ).fetchone()
+    return None if row is None else Checkpoint(*row)
+
+
+def put_checkpoint(connection: sqlite3.Connection, site: str, made: Checkpoint) -> None:
+    """Replace the checkpoint of a site."""
+    connection.execute(
+        "INSERT OR REPLACE INTO checkpoint VALUES (?, ?, ?, ?)",
+        (site_number(connection, site), made.through, made.key, made.body),
+    )
