@@ -104,6 +104,7 @@ def from_bytes(body: bytes, generation: int, engine: Engine) -> Digested:
         document["number"],
         frozenset(document["devices"]),
         generation,
+        frozenset(),
         tuple(
             homsense.Displaced(landmark, apart, tuple(here), tuple(there))
             for landmark, apart, here, there in document["quarantine"]

@@ -4,7 +4,6 @@ import hashlib
 import threading
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
 from itertools import islice
 from typing import Any, Literal
 
@@ -133,19 +132,21 @@ class Site:
         grown = kept.with_observations(seen)
         depth = self.config.quorum
         changed = grown.merged.level(depth) is not before.merged.level(depth)
-        fresh = ComplexVersion(
+        known, suspects = now.before, now.suspects
+        if now.is_looked_through:
+            known, suspects = now.quarantine, frozenset()
+        if changed and self.config.quarantine:
+            more = suspects is not None and kept is before
+            suspects = suspects.union(*observations) if more and suspects is not None else None
+        self.complex = ComplexVersion(
             grown,
             now.number + len(scans),
             now.devices.union(scan.device for scan in scans),
             now.generation + changed,
-            now.quarantine,
+            suspects,
+            known,
         )
-        if changed and self.config.quarantine:
-            touched = now.left_out.union(*observations) if kept is before else None
-            found = homsense.displaced(fresh.landmark_complex, touched)
-            fresh = replace(fresh, quarantine=tuple(found))
-        self.complex = fresh
-        return fresh
+        return self.complex
 
     def _epoch(self, moment_s: float) -> int:
         return 0 if self.config.retention is None else int(moment_s // self.config.retention[0])

@@ -1,6 +1,7 @@
 """What a site is at one moment: its map, and what its scans say."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Self
 
 import homsense
@@ -54,15 +55,33 @@ class ComplexVersion:
         Who contributed.
     generation : int
         Changes whenever the complex itself does; names what is derived from it.
-    quarantine : tuple of homsense.Displaced
-        Transmitters that seem to have moved; they are not sensed.
+    suspects : frozenset of str, optional
+        Landmarks that may have moved, or come back, since `before`; all when absent.
+    before : tuple of homsense.Displaced
+        The quarantine when it was last looked at.
     """
 
     epochs: homsense.EpochFiltration
     number: int
     devices: frozenset[str]
     generation: int
-    quarantine: tuple[homsense.Displaced, ...] = ()
+    suspects: frozenset[str] | None = frozenset()
+    before: tuple[homsense.Displaced, ...] = ()
+
+    @cached_property
+    def quarantine(self) -> tuple[homsense.Displaced, ...]:
+        """Transmitters that seem to have moved; they are not sensed. Looked for when asked for."""
+        if self.suspects is not None and not self.suspects:
+            return self.before
+        looked_at = self.suspects
+        if looked_at is not None:
+            looked_at = looked_at.union(found.landmark for found in self.before)
+        return tuple(homsense.displaced(self.landmark_complex, looked_at))
+
+    @property
+    def is_looked_through(self) -> bool:
+        """Whether the quarantine has been asked for, or is as before."""
+        return "quarantine" in self.__dict__ or self.suspects == frozenset()
 
     @property
     def filtration(self) -> homsense.WitnessFiltration:
