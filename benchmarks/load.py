@@ -8,6 +8,7 @@ the CPU time of the serving process for one request, which neighbors disturb lea
 import http.client
 import json
 import os
+import socket
 import subprocess
 import sys
 import tempfile
@@ -15,6 +16,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from http import HTTPStatus
 from pathlib import Path
 from statistics import median
 from typing import Any, NamedTuple
@@ -61,12 +63,11 @@ class Load(NamedTuple):
 def main() -> None:
     """Print the comparison; exit 1 when a bar is missed."""
     world = downtown_44(0)
-    with tempfile.TemporaryDirectory() as directory:
-        with serving(Path(directory)) as (port, pid):
-            sessions = prepared(port, world)
-            pose = call(port, "POST", f"/v1/sessions/{sessions[0]}/steps", one_step(1, world))
-            with bare(pose) as (bare_port, bare_pid):
-                compare(port, pid, bare_port, bare_pid, sessions, world)
+    with tempfile.TemporaryDirectory() as directory, serving(Path(directory)) as (port, pid):
+        sessions = prepared(port, world)
+        pose = call(port, "POST", f"/v1/sessions/{sessions[0]}/steps", one_step(1, world))
+        with bare(pose) as (bare_port, bare_pid):
+            compare(port, pid, bare_port, bare_pid, sessions, world)
 
 
 def compare(
@@ -117,7 +118,7 @@ def drive(port: int, pid: int, requests: list[tuple[str, bytes]]) -> Load:
             connection.request("POST", path, body, {"content-type": "application/json"})
             answer = connection.getresponse()
             text = answer.read()
-            assert answer.status == 200, text
+            assert answer.status == HTTPStatus.OK, text
             waits.append(time.perf_counter() - started)
         connection.close()
 
@@ -139,9 +140,14 @@ def cpu_s(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / _TICKS
 
 
+def seeded(seed: int) -> np.random.Generator:
+    """Return random numbers of a seed."""
+    return np.random.Generator(np.random.PCG64(seed))
+
+
 def one_step(seq: int, world: World) -> bytes:
     """Return a step with a scan of twelve landmarks or so."""
-    rng = np.random.default_rng(seq % 512)
+    rng = seeded(seq % 512)
     (scan,) = list(phone_scans(world, "robot", rng, count=1))
     heard = [entry if isinstance(entry, str) else entry["id"] for entry in scan["landmarks"]]
     turn = 0.2 * float(rng.standard_normal())
@@ -166,7 +172,7 @@ def step_requests(
 def scan_batches(world: World, count: int) -> Iterator[bytes]:
     """Yield batches of fresh scans of a crowd."""
     for number in range(count):
-        scans = phone_scans(world, f"b{number}", np.random.default_rng(number), count=BATCH)
+        scans = phone_scans(world, f"b{number}", seeded(number), count=BATCH)
         yield json.dumps({"scans": list(scans)}).encode()
 
 
@@ -175,7 +181,7 @@ def prepared(port: int, world: World) -> list[str]:
     call(port, "PUT", "/v1/sites/town", b"{}")
     call(port, "PUT", "/v1/sites/town/map", json.dumps(world.map_document()).encode())
     for phone in range(40):
-        scans = list(phone_scans(world, f"p{phone}", np.random.default_rng(phone), count=130))
+        scans = list(phone_scans(world, f"p{phone}", seeded(phone), count=130))
         call(port, "POST", "/v1/sites/town/scans", json.dumps({"scans": scans}).encode())
     opened = []
     for seed in range(SESSIONS):
@@ -190,7 +196,7 @@ def call(port: int, method: str, path: str, body: bytes) -> bytes:
     connection.request(method, path, body, {"content-type": "application/json"})
     answer = connection.getresponse()
     text = answer.read()
-    assert answer.status < 300, text
+    assert answer.status < HTTPStatus.MULTIPLE_CHOICES, text
     connection.close()
     return text
 
@@ -243,7 +249,7 @@ def wait_for(probe: Callable[[], Any]) -> None:
 
 def free_port() -> int:
     """Return a port that nobody listens on."""
-    with __import__("socket").socket() as probe:
+    with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
 

@@ -124,6 +124,43 @@ def doctor(
     run_doctor(url, site, Console(), apply=apply)
 
 
+keys = typer.Typer(
+    help="API keys of a data directory whose service is stopped.", no_args_is_help=True
+)
+app.add_typer(keys, name="keys")
+
+DataOption = Annotated[Path, typer.Option(file_okay=False, help="Directory of the store.")]
+
+
+@keys.command("add")
+def add_key(
+    name: Annotated[str, typer.Argument(help="For people; names it when it is removed.")],
+    scope: Annotated[list[str], typer.Option(help="admin, ingest, localize, read; repeatable.")],
+    site: Annotated[list[str] | None, typer.Option(help="Where; everywhere when absent.")] = None,
+    data: DataOption = Path("data"),
+) -> None:
+    """Make a key and print it, once."""
+    from homsense_cli.stored import add_key as run
+
+    typer.echo(run(data, name, scope, site))
+
+
+@keys.command("list")
+def list_keys(data: DataOption = Path("data")) -> None:
+    """List the keys, without the keys themselves."""
+    from homsense_cli.stored import list_keys as run
+
+    run(data, Console())
+
+
+@keys.command("remove")
+def remove_key(name: str, data: DataOption = Path("data")) -> None:
+    """Remove a key."""
+    from homsense_cli.stored import remove_key as run
+
+    run(data, name)
+
+
 bench = typer.Typer(help="Measure; every figure with its controls.", no_args_is_help=True)
 app.add_typer(bench, name="bench")
 

@@ -11,7 +11,7 @@ from homsense_client import _learnt as learnt
 from homsense_client import _models as models
 from homsense_client import _protocol as protocol
 from homsense_client._retry import Retry, is_transient
-from homsense_client._transport import as_client_error, parsed, prepared
+from homsense_client._transport import as_client_error, authorization, parsed, prepared
 
 
 class Client:
@@ -21,6 +21,8 @@ class Client:
     ----------
     base_url : str
         Such as ``http://127.0.0.1:8080``.
+    key : str, optional
+        An API key of the service.
     retry : Retry, optional
         When to try again.
     timeout_s : float, default 30.0
@@ -33,12 +35,15 @@ class Client:
         self,
         base_url: str,
         *,
+        key: str | None = None,
         retry: Retry | None = None,
         timeout_s: float = 30.0,
         transport: httpx.BaseTransport | None = None,
     ) -> None:
         self._retry = retry or Retry()
-        self._http = httpx.Client(base_url=base_url, timeout=timeout_s, transport=transport)
+        self._http = httpx.Client(
+            base_url=base_url, timeout=timeout_s, transport=transport, headers=authorization(key)
+        )
 
     def __enter__(self) -> Self:
         return self

@@ -8,6 +8,11 @@ from homsense_client._protocol import Call
 from homsense_client.errors import ConnectError, RequestTimeoutError, TransportError
 
 
+def authorization(key: str | None) -> dict[str, str]:
+    """Return the headers that show a key."""
+    return {} if key is None else {"authorization": f"Bearer {key}"}
+
+
 def prepared(call: Call[Any]) -> dict[str, Any]:
     """Return the arguments of an httpx request."""
     return {

@@ -1,7 +1,7 @@
 """Errors -> problem+json, for every route alike."""
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from fastapi import FastAPI, Request
@@ -10,7 +10,7 @@ from starlette.exceptions import HTTPException
 from starlette.responses import JSONResponse
 
 import homsense
-from homsense_service.errors import ServiceError
+from homsense_service.errors import RateLimitError, ServiceError, UnauthorizedError
 from homsense_service.problems import (
     INTERNAL,
     INVALID_REQUEST,
@@ -35,13 +35,8 @@ def install(app: FastAPI) -> None:
     app.add_exception_handler(Exception, _internal)
 
 
-def _answer(
-    kind: Kind,
-    detail: str,
-    fields: list[tuple[str, str]] | None = None,
-    headers: dict[str, str] | None = None,
-) -> JSONResponse:
-    body = problem(kind, detail, fields)
+def _answer(kind: Kind, detail: str, headers: dict[str, str] | None = None) -> JSONResponse:
+    body = problem(kind, detail)
     return JSONResponse(body, status_code=kind.status, media_type=MEDIA_TYPE, headers=headers)
 
 
@@ -50,9 +45,15 @@ async def _invalid_request(_request: Request, error: Exception) -> JSONResponse:
     found: Sequence[dict[str, Any]] = error.errors()
     if any(entry["type"] == "json_invalid" for entry in found):
         return _answer(MALFORMED_JSON, "the body cannot be read as JSON")
+    body = invalid_request(found)
+    return JSONResponse(body, status_code=INVALID_REQUEST.status, media_type=MEDIA_TYPE)
+
+
+def invalid_request(found: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return the problem of a request that breaks the schema."""
     fields = [(_path(entry["loc"]), str(entry["msg"])) for entry in found]
     path, message = fields[0]
-    return _answer(INVALID_REQUEST, f"{path}: {message}", fields)
+    return problem(INVALID_REQUEST, f"{path}: {message}", fields)
 
 
 async def _http_error(_request: Request, error: Exception) -> JSONResponse:
@@ -65,11 +66,33 @@ async def _http_error(_request: Request, error: Exception) -> JSONResponse:
 
 
 async def _known_error(_request: Request, error: Exception) -> JSONResponse:
+    return refusal(error)
+
+
+def refusal(error: Exception) -> JSONResponse:
+    """Return the answer to a known error."""
+    kind = kind_of(error)
+    return JSONResponse(
+        known_problem(error),
+        status_code=kind.status,
+        media_type=MEDIA_TYPE,
+        headers=_headers(kind, error),
+    )
+
+
+def known_problem(error: Exception) -> dict[str, Any]:
+    """Return the problem of a known error."""
     path = getattr(error, "field", None)
     fields = None if path is None else [(path, str(error))]
-    kind = kind_of(error)
-    headers = {"Retry-After": "5"} if kind.status == UNAVAILABLE else None
-    return _answer(kind, str(error), fields, headers)
+    return problem(kind_of(error), str(error), fields)
+
+
+def _headers(kind: Kind, error: Exception) -> dict[str, str] | None:
+    if isinstance(error, RateLimitError):
+        return {"Retry-After": str(error.retry_after_s)}
+    if isinstance(error, UnauthorizedError):
+        return {"WWW-Authenticate": "Bearer"}
+    return {"Retry-After": "5"} if kind.status == UNAVAILABLE else None
 
 
 async def _internal(request: Request, error: Exception) -> JSONResponse:
@@ -80,5 +103,5 @@ async def _internal(request: Request, error: Exception) -> JSONResponse:
 def _path(location: Sequence[str | int]) -> str:
     """Return a dotted path without the part of the request and without union branches."""
     parts = [str(part) for part in location]
-    inside = parts[1:] if parts[0] in ("body", "query", "path") else parts
-    return ".".join(inside) or parts[0]
+    inside = parts[1:] if parts and parts[0] in ("body", "query", "path") else parts
+    return ".".join(inside) or "".join(parts[:1])

@@ -8,16 +8,30 @@ from importlib.metadata import version
 from pathlib import Path
 
 from fastapi import FastAPI
+from starlette.middleware.cors import CORSMiddleware
 
 from homsense_service import answers
 from homsense_service.bodies import BoundedBodies
+from homsense_service.keys import KeyRing
+from homsense_service.limiting import BoundedConcurrency, RateLimit
+from homsense_service.manners import Manners
 from homsense_service.metrics import Metrics, TimedRequests
 from homsense_service.operations import Operations
-from homsense_service.routes import expectations, health, registrations, scans, sessions, sites
+from homsense_service.routes import (
+    expectations,
+    health,
+    keys,
+    live,
+    registrations,
+    scans,
+    sessions,
+    sites,
+)
 from homsense_service.schemas import Problem
 from homsense_service.settings import Settings
 from homsense_service.sites import SiteRegistry
 from homsense_service.store import SqliteStore, Store
+from homsense_service.streams import Streams
 from homsense_service.warming import Warming
 
 _log = logging.getLogger(__name__)
@@ -50,10 +64,18 @@ def create_app(
             warming = Warming(chosen.engine)
             with closing(SiteRegistry(store, chosen, warming.engine, time.time)) as registry:
                 operations = Operations(registry, store, chosen, time.time, warming.backend)
-                app.state.operations, app.state.store = operations, store
-                app.state.metrics = Metrics(
-                    lambda: len(registry.all()), lambda: len(operations.sessions)
+                app.state.operations = operations
+                app.state.keys = KeyRing(store.api_keys())
+                app.state.rate_limit = RateLimit(chosen.requests_per_minute)
+                streams = Streams(chosen.max_readers)
+                metrics = Metrics(
+                    lambda: len(registry.all()),
+                    lambda: len(operations.sessions),
+                    lambda: len(streams),
                 )
+                operations.watch = registry.watch = metrics.watch
+                store.watch(metrics.committed)
+                app.state.metrics, app.state.streams = metrics, streams
                 yield
 
     app = FastAPI(
@@ -66,7 +88,17 @@ def create_app(
     answers.install(app)
     app.add_middleware(TimedRequests)
     app.add_middleware(BoundedBodies, max_bytes=chosen.max_body_bytes)
-    for module in (health, sites, expectations, registrations, scans, sessions):
+    app.add_middleware(BoundedConcurrency, most=chosen.max_pending_requests)
+    if chosen.cors_origins:
+        app.add_middleware(
+            CORSMiddleware,
+            allow_origins=chosen.cors_origins,
+            allow_methods=["*"],
+            allow_headers=["authorization", "content-type", "if-match", "if-none-match"],
+            expose_headers=["etag", "retry-after", "x-request-id"],
+        )
+    app.add_middleware(Manners)
+    for module in (health, sites, expectations, registrations, scans, sessions, live, keys):
         app.include_router(module.router)
     _describe_problems(app)
     return app

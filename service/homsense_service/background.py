@@ -14,6 +14,7 @@ from homsense_service.versions import MapVersion
 
 Question = TypeVar("Question", bound="OfMap")
 Known = TypeVar("Known", bound="ForMap")
+Work = TypeVar("Work")
 
 GROWN = 1.25
 _STOPPED = "the service stops"
@@ -41,6 +42,11 @@ class Builder:
         self.engine = engine
         self.pool = ThreadPoolExecutor(1, thread_name_prefix="learning")
         self.stopping = threading.Event()
+
+    def submit(self, work: Callable[[Work], None], on: Work) -> None:
+        """Do something small when there is time."""
+        if not self.stopping.is_set():
+            self.pool.submit(work, on)
 
     def close(self) -> None:
         """Stop after the step at hand."""

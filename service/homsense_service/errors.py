@@ -5,6 +5,42 @@ class ServiceError(Exception):
     """The root of the tree; never raised itself."""
 
 
+class UnauthorizedError(ServiceError):
+    """Nobody knows who calls."""
+
+
+class ForbiddenError(ServiceError):
+    """The key is not good for this."""
+
+
+class RateLimitError(ServiceError):
+    """Too many requests in too little time.
+
+    Parameters
+    ----------
+    message : str
+        For people.
+    retry_after_s : int
+        When there may be more, seconds.
+    """
+
+    def __init__(self, message: str, retry_after_s: int) -> None:
+        super().__init__(message)
+        self.retry_after_s = retry_after_s
+
+
+class KeyNotFoundError(ServiceError):
+    """No key has this name."""
+
+
+class KeyExistsError(ServiceError):
+    """A key has this name already."""
+
+
+class CursorError(ServiceError):
+    """A page is asked for that nobody has told of."""
+
+
 class SiteNotFoundError(ServiceError):
     """No site has this name."""
 

@@ -13,17 +13,19 @@ from homsense_service import schemas
 from homsense_service.archive import Archive
 from homsense_service.expecting import Expecting
 from homsense_service.localizing import localizing, restored, run_document
-from homsense_service.records import SessionRecord, StoredScan
+from homsense_service.pseudonyms import Pseudonyms
+from homsense_service.records import KeyRecord, SessionRecord, StoredScan
 from homsense_service.registering import Registered, Registering
 from homsense_service.revisions import Expected, whatever
 from homsense_service.runs import Course, Fix, Run, Step
 from homsense_service.sensors import Sensor
 from homsense_service.session_table import SessionTable
-from homsense_service.sessions import Session
+from homsense_service.sessions import Means, Session
 from homsense_service.settings import Settings
 from homsense_service.site import Site
 from homsense_service.sites import SiteRegistry
 from homsense_service.store import Store
+from homsense_service.watching import Watch, unwatched
 
 Answer = TypeVar("Answer")
 
@@ -88,12 +90,35 @@ class Operations:
     ) -> None:
         self.sites, self._store, self._settings = sites, store, settings
         self._clock, self._backend = clock, backend
+        self.watch: Watch = unwatched
         self._archive = Archive(store.artifact)
+        secret = settings.hash_key
+        self._names = Pseudonyms(None if secret is None else secret.get_secret_value().encode())
         self.sessions = SessionTable(settings.max_sessions, store, self._wake)
 
     def check(self) -> None:
         """Raise `StoreError` when the store does not answer."""
         self._store.check()
+
+    def commit_age_s(self) -> float:
+        """Return how long the transaction at hand goes on, seconds; 0 between two."""
+        return self._store.age_s()
+
+    def now_s(self) -> float:
+        """Return Unix seconds."""
+        return self._clock()
+
+    def known_keys(self) -> list[KeyRecord]:
+        """Return all keys by name."""
+        return self._store.api_keys()
+
+    def add_key(self, record: KeyRecord) -> None:
+        """Keep a key or raise `KeyExistsError`."""
+        self._store.add_key(record)
+
+    def delete_key(self, name: str) -> None:
+        """Delete a key or raise `KeyNotFoundError`."""
+        self._store.delete_key(name)
 
     def delete_site(self, name: str, expected: Expected = whatever) -> None:
         """Delete a site and close its sessions."""
@@ -109,7 +134,7 @@ class Operations:
         dropped: list[tuple[int, str]] = []
         for index, scan in enumerate(batch):
             try:
-                sound.append(self._stored(scan))
+                sound.append(self._names.scan(self._stored(scan), site.config.landmark_key))
             except ValueError as error:
                 dropped.append((index, str(error)))
         fresh, version = self.sites.add_scans(site, sound)
@@ -118,7 +143,8 @@ class Operations:
     def sense(self, name: str, question: schemas.LocalHomologyIn) -> Sensed:
         """Count the holes near a scan, in what a quorum has seen and in everything."""
         site = self.sites.get(name)
-        visible = site.visible(schemas.readings(question.landmarks))
+        heard = schemas.readings(question.landmarks)
+        visible = site.visible(self._names.readings(heard, site.config.landmark_key))
         if question.r_pseudo_m is not None:
             levels = site.sense_within(visible, question.r_pseudo_m)
         else:
@@ -157,6 +183,7 @@ class Operations:
 
     def open_session(self, site_name: str, request: schemas.SessionIn) -> Session:
         """Start localizing a device on a site; what that takes is on disk."""
+        self._check_size(request)
         site = self.sites.get(site_name)
         version = site.require_map()
         sensor = self._sensor(site, request.sensor)
@@ -182,6 +209,20 @@ class Operations:
 
         return self.sessions.admit(keep)
 
+    def _check_size(self, request: schemas.SessionIn) -> None:
+        most = self._settings.max_particles
+        if request.particles > most:
+            message = f"particles must be at most {most}, not {request.particles}"
+            raise homsense.InvalidConfigurationError(message, "particles")
+        if request.adaptive is not None and request.adaptive.most > most:
+            message = f"adaptive.most must be at most {most}, not {request.adaptive.most}"
+            raise homsense.InvalidConfigurationError(message, "adaptive.most")
+
+    def delete_device(self, site_name: str, device: str) -> int:
+        """Delete all scans of a device; the complex is as if they had never been."""
+        site = self.sites.get(site_name)
+        return self.sites.delete_device(site, self._names.device(device))
+
     def move_session(self, name: str) -> Session:
         """Let a session go on with the current map of its site."""
         session = self.sessions.get(name)
@@ -206,7 +247,7 @@ class Operations:
     ) -> Answer:
         """Apply steps to a session and answer with what follows from the last; all is on disk."""
         session = self.sessions.get(name)
-        given = [_step(step) for step in steps]
+        given = [self._step(step, session.site.config.landmark_key) for step in steps]
         answered = session.apply(given, partial(answer, session), session.site.receive)
         if session.contributes:
             self.sites.catch_up(session.site)
@@ -226,7 +267,8 @@ class Operations:
         def restore(document: dict[str, Any]) -> Run:
             return restored(document, site, request, self._archive)
 
-        return Session(record, site, course, self._store, restore, self._backend)
+        means = Means(self._store, restore, self._backend, self.watch)
+        return Session(record, site, course, means)
 
     def register(self, name: str) -> Registering:
         """Begin to place the crowd of a site on its map, if that is not known."""
@@ -258,6 +300,10 @@ class Operations:
         helps = site.counts_tell_bits(counting, found) > HELPFUL_BITS
         return replace(counting if helps else Sensor(), registered=found)
 
+    def _step(self, wire: schemas.StepIn, landmark_key: str) -> Step:
+        heard = self._names.readings(schemas.readings(wire.landmarks or []), landmark_key)
+        return Step(wire.seq, wire.seconds(), wire.motion(), heard)
+
     def _stored(self, scan: schemas.ScanIn | schemas.DroppedScan) -> StoredScan:
         if isinstance(scan, schemas.DroppedScan):
             raise ValueError(scan.reason)  # noqa: TRY004 - the content is wrong, not our type
@@ -278,7 +324,3 @@ def _stale_share(
 
 def _request(record: SessionRecord) -> schemas.SessionIn:
     return schemas.SessionIn.model_validate_json(record.document["request"])
-
-
-def _step(wire: schemas.StepIn) -> Step:
-    return Step(wire.seq, wire.seconds(), wire.motion(), schemas.readings(wire.landmarks or []))

@@ -29,6 +29,12 @@ class Kind:
 
 
 KINDS: dict[type[Exception], Kind] = {
+    errors.UnauthorizedError: Kind(401, "unauthorized", "Who calls?"),
+    errors.ForbiddenError: Kind(403, "forbidden", "The key is not good for this"),
+    errors.RateLimitError: Kind(429, "rate_limited", "Too many requests"),
+    errors.KeyNotFoundError: Kind(404, "key_not_found", "No such key"),
+    errors.KeyExistsError: Kind(409, "key_exists", "There is such a key"),
+    errors.CursorError: Kind(422, "invalid_cursor", "There is no such page"),
     errors.SiteNotFoundError: Kind(404, "site_not_found", "No such site"),
     errors.SessionNotFoundError: Kind(404, "session_not_found", "No such session"),
     errors.MapMissingError: Kind(409, "map_missing", "The site has no map"),

@@ -59,6 +59,11 @@ def render_pose(session: Session, fix: Fix) -> schemas.PoseOut:
     )
 
 
+def pose_json(session: Session, fix: Fix) -> bytes:
+    """Return a pose distribution in short as it goes over the wire."""
+    return render_pose(session, fix).model_dump_json().encode()
+
+
 def _status(fix: Fix, pose: homsense.PoseDistribution, coverage: float | None) -> Status:
     if fix.state.tick == 0:
         return "initializing"

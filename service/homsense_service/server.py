@@ -1,14 +1,22 @@
 """Run the application until a signal comes."""
 
+import ipaddress
 import socket
 import sys
+from types import FrameType
 
 import uvicorn
+from fastapi import FastAPI
 
+from homsense_service import logs
 from homsense_service.app import create_app
 from homsense_service.errors import StoreError
 from homsense_service.settings import Settings
 from homsense_service.store import SqliteStore
+from homsense_service.streams import Streams
+
+SEND_BUFFER = 256 * 1024
+"""Bytes of one connection that wait in the kernel, so that a reader that stands still shows."""
 
 
 def serve(settings: Settings) -> None:
@@ -25,21 +33,60 @@ def serve(settings: Settings) -> None:
         If the data directory cannot be used.
     OSError
         If the address cannot be listened on.
+    ValueError
+        If it is not loopback and there are no keys.
     """
     store = SqliteStore(settings.data)
     try:
+        _check_access(settings, has_keys=bool(store.api_keys()))
         listening = socket.create_server((settings.host, settings.port))
-    except OSError:
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
+    except (OSError, ValueError):
         store.close()
         raise
     host, port = listening.getsockname()[:2]
     sys.stderr.write(f"homsense serves http://{host}:{port} from {settings.data}\n")
+    logs.configure()
+    app = create_app(settings, lambda _directory: store)
     config = uvicorn.Config(
-        create_app(settings, lambda _directory: store),
-        log_level="warning",
+        app,
+        log_config=None,
         timeout_graceful_shutdown=3,
     )
-    uvicorn.Server(config).run(sockets=[listening])
+    _Server(config, app).run(sockets=[listening])
+
+
+class _Server(uvicorn.Server):
+    """Ends the live streams at the signal, since it waits for all answers to end."""
+
+    def __init__(self, config: uvicorn.Config, app: FastAPI) -> None:
+        super().__init__(config)
+        self._app = app
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """Begin to stop."""
+        streams: Streams | None = getattr(self._app.state, "streams", None)
+        if streams is not None:
+            streams.end_all_soon()
+        super().handle_exit(sig, frame)
+
+
+def _check_access(settings: Settings, *, has_keys: bool) -> None:
+    """Raise ValueError rather than let anybody in by accident."""
+    if has_keys or settings.open_access or _is_loopback(settings.host):
+        return
+    message = (
+        f"host: {settings.host} is not loopback and there are no keys; make one with "
+        "`homsense keys add`, or set HOMSENSE_OPEN_ACCESS=true to serve anybody"
+    )
+    raise ValueError(message)
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
 
 
 def main() -> int:

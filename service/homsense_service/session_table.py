@@ -89,7 +89,16 @@ class SessionTable:
 
     def forget_site(self, site: str) -> None:
         """Forget all sessions of a site that is no more."""
-        self._forget([name for name in self.names() if self.site_of(name) == site])
+        self._forget(self.of_site(site))
+
+    def sites(self) -> list[str]:
+        """Return the name of the site of each session."""
+        awake = [session.site.name for session in self._awake.values()]
+        return [*awake, *(record.site for record in self._asleep.values())]
+
+    def of_site(self, site: str) -> list[str]:
+        """Return the names of the sessions of a site."""
+        return [name for name in self.names() if self.site_of(name) == site]
 
     def names(self) -> list[str]:
         """Return the names of all sessions."""

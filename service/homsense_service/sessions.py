@@ -3,7 +3,7 @@
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Iterable
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from homsense.backend import Backend
 from homsense_service import journaling
@@ -13,6 +13,7 @@ from homsense_service.records import Event, SessionRecord, StoredScan
 from homsense_service.runs import Course, Fix, Run, Step
 from homsense_service.site import Site
 from homsense_service.store import Artifacts, Committed, Store
+from homsense_service.watching import Watch
 
 REPEATABLE = 256
 SNAPSHOT_EVERY = 256
@@ -20,6 +21,27 @@ _ANSWERS = 8
 
 Answer = TypeVar("Answer")
 Restore = Callable[[dict[str, Any]], Run]
+
+
+class Means(NamedTuple):
+    """What a session needs of the service.
+
+    Parameters
+    ----------
+    store : Store
+        Has its journal.
+    restore : callable
+        Returns the run that a document tells of.
+    backend : callable
+        Returns what runs the filter now.
+    watch : callable
+        Takes the time of a stage.
+    """
+
+    store: Store
+    restore: Restore
+    backend: Callable[[], Backend]
+    watch: Watch
 
 
 class Session:
@@ -33,12 +55,8 @@ class Session:
         Where it runs.
     course : Course
         Before the first event.
-    store : Store
-        Has its journal.
-    restore : callable
-        Returns the run that a document tells of.
-    backend : callable
-        Returns what runs the filter now.
+    means : Means
+        What it needs of the service.
     """
 
     def __init__(
@@ -46,14 +64,12 @@ class Session:
         record: SessionRecord,
         site: Site,
         course: Course,
-        store: Store,
-        restore: Restore,
-        backend: Callable[[], Backend],
+        means: Means,
     ) -> None:
         self.record, self.name, self.site = record, record.name, site
         self.contributes = bool(record.document["contribute"])
         self.seed = int(record.document["seed"])
-        self._store, self._restore, self._backend = store, restore, backend
+        self._store, self._means = means.store, means
         self._lock = threading.Lock()
         self._begun = self._course = course
         self._snapshot_at = 0
@@ -183,8 +199,12 @@ class Session:
 
     def _onward(self, course: Course, step: Step) -> Course:
         sensor = course.fix.run.sensor
-        measured = self.site.measure(step.readings, sensor) if step.readings else None
-        return course.onward(step, measured, self._backend)
+        measured = None
+        if step.readings:
+            with self._means.watch("measure"):
+                measured = self.site.measure(step.readings, sensor)
+        with self._means.watch("filter"):
+            return course.onward(step, measured, self._means.backend)
 
     def _replayed(self, snapshots: Iterable[Any], through_seq: int | None = None) -> Course:
         """Return the course after a step, or after all events, from the latest snapshot before."""
@@ -193,7 +213,7 @@ class Session:
             if not event.fingerprint:
                 found = journaling.read(event)
                 assert isinstance(found, Moved)
-                runs[event.number] = self._restore(found.run)
+                runs[event.number] = self._means.restore(found.run)
         course = self._begun
         for kept in snapshots:
             of = max(number for number in runs if number <= kept.number)
@@ -211,7 +231,7 @@ class Session:
             if isinstance(found, Moved):
                 course = course.moved(runs[event.number])
                 continue
-            course = course.onward(found.step, found.measured, self._backend)
+            course = course.onward(found.step, found.measured, self._means.backend)
             if found.digest is not None and course.fix.digest != found.digest:
                 message = f"session {self.name} does not replay: step {event.seq} differs"
                 raise StoreError(message)

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Literal
 
-from pydantic import Field
+from pydantic import Field, SecretStr, field_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 
@@ -17,6 +17,27 @@ class Settings(BaseSettings):
     port: int = Field(default=8080, ge=0, le=65535, description="Port; 0 takes a free one.")
     max_body_bytes: int = Field(
         default=32 * 2**20, ge=1024, description="Largest request body, before and after gzip."
+    )
+    open_access: bool = Field(
+        default=False, description="Serve anybody beyond loopback although there are no keys."
+    )
+    cors_origins: list[str] = Field(
+        default=[], description="Origins whose pages may call, a JSON list; none by default."
+    )
+    requests_per_minute: int = Field(
+        default=60_000, ge=0, description="Of one key, or one address without keys; 0: no limit."
+    )
+    max_pending_requests: int = Field(
+        default=256, ge=1, description="Requests that may wait for their answers at once."
+    )
+    max_readers: int = Field(
+        default=1000, ge=1, description="Readers of live poses at once; then 503."
+    )
+    max_particles: int = Field(default=200_000, ge=1, description="Particles of one session.")
+    max_map_positions: int = Field(default=500_000, ge=3, description="Positions in one map.")
+    hash_key: SecretStr | None = Field(
+        default=None,
+        description="Landmarks and devices are kept under keyed hashes; 16 to 64 bytes.",
     )
     max_landmarks_per_scan: int = Field(
         default=4096, ge=1, description="Readings in one scan; more are refused."
@@ -46,3 +67,11 @@ class Settings(BaseSettings):
     height_cell_m: float = Field(
         default=4.0, gt=0.0, description="Resolution of the height maps, metres."
     )
+
+    @field_validator("hash_key")
+    @classmethod
+    def _is_a_key(cls, given: SecretStr | None) -> SecretStr | None:
+        if given is not None and not 16 <= len(given.get_secret_value().encode()) <= 64:  # noqa: PLR2004
+            message = "must have 16 to 64 bytes"
+            raise ValueError(message)
+        return given

@@ -14,6 +14,7 @@ from homsense_service.background import Builder
 from homsense_service.checkpoints import Digested
 from homsense_service.errors import MapMissingError
 from homsense_service.expecting import Expecting, Learnt, Question
+from homsense_service.pseudonyms import canonical
 from homsense_service.records import NumberedScan, SiteConfig, StoredReading, StoredScan
 from homsense_service.registering import Registered, Registering
 from homsense_service.sensors import Measured, Sensor, check_simulated, simulated_sensor
@@ -102,7 +103,7 @@ class Site:
     def readings(self, stored: Iterable[StoredReading]) -> list[homsense.Reading]:
         """Return readings whose identifiers compare as the site's configuration says."""
         key = self.config.landmark_key
-        return [homsense.Reading(_canonical(r.landmark, key), r.rssi_dbm, r.age_s) for r in stored]
+        return [homsense.Reading(canonical(r.landmark, key), r.rssi_dbm, r.age_s) for r in stored]
 
     def visible(self, stored: Iterable[StoredReading]) -> frozenset[str]:
         """Return the landmarks that count as visible under the site's configuration."""
@@ -353,7 +354,3 @@ class Site:
 def _hashed(scan: StoredScan) -> bytes:
     key = f"{scan.device}\0{scan.scan_id}".encode()
     return hashlib.blake2b(key, digest_size=16).digest()
-
-
-def _canonical(landmark: str, key: str) -> str:
-    return landmark.lower().replace("-", ":") if key == "bssid" else landmark

@@ -19,9 +19,25 @@ from homsense_service.settings import Settings
 from homsense_service.site import Site
 from homsense_service.store import Store
 from homsense_service.versions import ComplexVersion, MapVersion, WitnessCheck
+from homsense_service.watching import Watch, unwatched
 
 _LEAST_TAIL, _LONGEST_TAIL = 500, 20_000
 _CHUNK = 5000
+
+
+def check_size(document: object, most: int) -> None:
+    """Raise `homsense.InvalidMapError` when a document has too many positions."""
+    waiting, positions = [document], 0
+    while waiting:
+        entry = waiting.pop()
+        if isinstance(entry, dict):
+            waiting.extend(entry.values())
+        elif isinstance(entry, list):
+            positions += not any(isinstance(inside, (list, dict)) for inside in entry)
+            waiting.extend(inside for inside in entry if isinstance(inside, (list, dict)))
+        if positions > most:
+            message = f"a map may have {most} positions at most"
+            raise homsense.InvalidMapError(message)
 
 
 class SiteRegistry:
@@ -51,8 +67,10 @@ class SiteRegistry:
         self._settings = settings
         self._engine = engine
         self._builder = Builder(engine)
+        self.watch: Watch = unwatched
         self._lock = threading.Lock()
         self._checkpointed: dict[str, int] = {}
+        self._expired: dict[str, float] = {}
         self._sites = {name: self._load(name, record) for name, record in store.sites().items()}
 
     def all(self) -> list[Site]:
@@ -104,6 +122,7 @@ class SiteRegistry:
         self, site: Site, document: dict[str, Any], expected: Expected = whatever
     ) -> MapVersion:
         """Replace a site's map once it is known to be sound."""
+        check_size(document, self._settings.max_map_positions)
         version = self.read_map(document, site.config)
         with site.writing:
             check(None if site.map is None else site.map.digest, expected)
@@ -121,16 +140,40 @@ class SiteRegistry:
 
     def catch_up(self, site: Site) -> ComplexVersion:
         """Join the scans that are on disk into the complex, and learn from it when it is time."""
-        with site.writing:
+        with site.writing, self.watch("absorb"):
             version = site.catch_up(self._clock())
         if site.map is not None and site.expecting.current is not None:
             site.expecting.refresh(site.question())
         if site.map is not None and site.registering.current is not None:
             site.registering.refresh(self.crowd(site))
+        if self._has_expired(site):
+            self._builder.submit(self._expire, site)
         if self._is_due(site):
             self._checkpointed[site.name] = version.number
-            self._builder.pool.submit(self.keep_checkpoint, site)
+            self._builder.submit(self.keep_checkpoint, site)
         return version
+
+    def delete_device(self, site: Site, device: str) -> int:
+        """Delete the scans of a device and build the complex from the others."""
+        with site.writing:
+            deleted = self._store.delete_scans(site.name, device)
+            if deleted:
+                self._rebuild(site)
+        return deleted
+
+    def _expire(self, site: Site) -> None:
+        """Delete the scans that are older than all epochs that count."""
+        if self._store.expire_scans(site.name, self._expired[site.name]):
+            self.keep_checkpoint(site)
+
+    def _has_expired(self, site: Site) -> bool:
+        """Tell, once, that an epoch no longer counts."""
+        if site.config.retention is None:
+            return False
+        length_s, count = site.config.retention
+        first_s = (self._clock() // length_s + 1 - count) * length_s
+        before_s, self._expired[site.name] = self._expired.get(site.name), first_s
+        return before_s != first_s
 
     def keep_checkpoint(self, site: Site) -> None:
         """Keep what a site has made of its scans so far."""

@@ -46,9 +46,9 @@ def writer(path: Path) -> tuple[Writer, list[int]]:
     connection = sqlite3.connect(path, check_same_thread=False, isolation_level=None)
     connection.execute("CREATE TABLE IF NOT EXISTS entry (value INTEGER UNIQUE)")
     sizes: list[int] = []
-    return Writer(
-        connection, lambda: 0.0, lambda _s, jobs: sizes.append(jobs), lambda: None
-    ), sizes
+    found = Writer(connection, lambda: 0.0, lambda: None)
+    found.on_commit = lambda _seconds, jobs: sizes.append(jobs)
+    return found, sizes
 
 
 def insert(value: int, *, then_fail: bool = False) -> object:

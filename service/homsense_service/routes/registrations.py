@@ -6,12 +6,17 @@ from fastapi import APIRouter, Query
 
 from homsense_service import rendering_registrations as rendering
 from homsense_service import schemas
-from homsense_service.routes.access import OperationsDep, SiteParam, problems
+from homsense_service.routes.access import OperationsDep, SiteParam, needs, problems
 
 router = APIRouter(prefix="/v1/sites/{site}", tags=["sites"])
 
 
-@router.get("/registration", summary="The crowd on the map", responses=problems(404, 422))
+@router.get(
+    "/registration",
+    dependencies=[needs("read")],
+    summary="The crowd on the map",
+    responses=problems(404, 422),
+)
 def get_registration(
     site: SiteParam,
     operations: OperationsDep,
@@ -29,6 +34,7 @@ def get_registration(
 @router.post(
     "/registration",
     status_code=202,
+    dependencies=[needs("admin")],
     summary="Place the crowd",
     responses=problems(404, 409, 422),
 )

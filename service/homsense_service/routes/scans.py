@@ -5,12 +5,17 @@ from typing import Annotated, Any, Literal
 from fastapi import APIRouter, Query
 
 from homsense_service import rendering, schemas
-from homsense_service.routes.access import MetricsDep, OperationsDep, SiteParam, problems
+from homsense_service.routes.access import MetricsDep, OperationsDep, SiteParam, needs, problems
 
 router = APIRouter(prefix="/v1/sites/{site}", tags=["scans"])
 
 
-@router.post("/scans", summary="Post scans", responses=problems(400, 404, 413, 422))
+@router.post(
+    "/scans",
+    dependencies=[needs("ingest")],
+    summary="Post scans",
+    responses=problems(400, 404, 413, 422),
+)
 def post_scans(
     site: SiteParam, batch: schemas.ScansIn, operations: OperationsDep, metrics: MetricsDep
 ) -> schemas.ScansOut:
@@ -19,6 +24,8 @@ def post_scans(
     metrics.scans.labels("accepted").inc(done.accepted)
     metrics.scans.labels("duplicate").inc(done.duplicate)
     metrics.scans.labels("dropped").inc(len(done.dropped))
+    for _, reason in done.dropped:
+        metrics.dropped.labels(reason.partition(":")[0].partition(".")[0]).inc()
     return schemas.ScansOut(
         accepted=done.accepted,
         duplicate=done.duplicate,
@@ -27,7 +34,12 @@ def post_scans(
     )
 
 
-@router.get("/complex", summary="The landmark complex", responses=problems(404, 422))
+@router.get(
+    "/complex",
+    dependencies=[needs("read")],
+    summary="The landmark complex",
+    responses=problems(404, 422),
+)
 def get_complex(
     site: SiteParam,
     operations: OperationsDep,
@@ -57,7 +69,12 @@ def get_complex(
     return exports[format](version.landmark_complex)
 
 
-@router.post("/local-homology", summary="Count holes", responses=problems(400, 404, 413, 422))
+@router.post(
+    "/local-homology",
+    dependencies=[needs("read")],
+    summary="Count holes",
+    responses=problems(400, 404, 413, 422),
+)
 def post_local_homology(
     site: SiteParam, question: schemas.LocalHomologyIn, operations: OperationsDep
 ) -> schemas.LocalHomologyOut:

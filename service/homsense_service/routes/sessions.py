@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, Query
+from fastapi import APIRouter, Query, Response
 
 from homsense_service import rendering_poses as rendering
 from homsense_service import schemas
@@ -11,8 +11,11 @@ from homsense_service.routes.access import (
     OperationsDep,
     SessionParam,
     SiteParam,
+    StreamsDep,
+    needs,
     problems,
 )
+from homsense_service.routes.pages import CursorParam, LimitParam, page
 
 router = APIRouter(prefix="/v1", tags=["sessions"])
 
@@ -20,6 +23,7 @@ router = APIRouter(prefix="/v1", tags=["sessions"])
 @router.post(
     "/sites/{site}/sessions",
     status_code=201,
+    dependencies=[needs("localize")],
     summary="Open a session",
     responses=problems(400, 404, 409, 422, 503),
 )
@@ -30,25 +34,51 @@ def open_session(
     return rendering.render_session(operations.open_session(site, request))
 
 
+@router.get(
+    "/sites/{site}/sessions",
+    dependencies=[needs("localize")],
+    summary="List sessions",
+    responses=problems(404, 422),
+)
+def list_sessions(
+    site: SiteParam,
+    operations: OperationsDep,
+    limit: LimitParam = 100,
+    cursor: CursorParam = None,
+) -> schemas.SessionList:
+    """Return the identifiers of the sessions of a site."""
+    of_site = operations.sessions.of_site(operations.sites.get(site).name)
+    names, following = page(of_site, limit, cursor)
+    return schemas.SessionList(sessions=names, next=following)
+
+
 @router.post(
     "/sessions/{session}/steps",
+    dependencies=[needs("localize")],
     summary="Post motion and scans",
+    response_model=schemas.PoseOut,
     responses=problems(400, 404, 409, 413, 422),
 )
 def post_steps(
-    session: SessionParam, batch: schemas.StepsIn, operations: OperationsDep, metrics: MetricsDep
-) -> schemas.PoseOut:
+    session: SessionParam,
+    batch: schemas.StepsIn,
+    operations: OperationsDep,
+    metrics: MetricsDep,
+    streams: StreamsDep,
+) -> Response:
     """Apply steps in the order of ``seq`` and return the pose after the last.
 
     Repeating a request answers as before and changes nothing.
     """
-    pose = operations.take_steps(session, batch.steps, rendering.render_pose)
+    pose = operations.take_steps(session, batch.steps, rendering.pose_json)
     metrics.steps.inc(len(batch.steps))
-    return pose
+    streams.publish(session, pose)
+    return Response(pose, media_type="application/json")
 
 
 @router.post(
     "/sessions/{session}/map",
+    dependencies=[needs("localize")],
     summary="Move to the current map",
     responses=problems(404, 409, 422),
 )
@@ -61,14 +91,24 @@ def move_to_current_map(session: SessionParam, operations: OperationsDep) -> sch
     return rendering.render_session(operations.move_session(session))
 
 
-@router.get("/sessions/{session}/pose", summary="The pose", responses=problems(404, 422))
+@router.get(
+    "/sessions/{session}/pose",
+    dependencies=[needs("localize")],
+    summary="The pose",
+    responses=problems(404, 422),
+)
 def get_pose(session: SessionParam, operations: OperationsDep) -> schemas.PoseOut:
     """Return what is known about the pose."""
     found = operations.sessions.get(session)
     return rendering.render_pose(found, found.fix)
 
 
-@router.get("/sessions/{session}/particles", summary="Particles", responses=problems(404, 422))
+@router.get(
+    "/sessions/{session}/particles",
+    dependencies=[needs("localize")],
+    summary="Particles",
+    responses=problems(404, 422),
+)
 def get_particles(
     session: SessionParam,
     operations: OperationsDep,
@@ -79,7 +119,10 @@ def get_particles(
 
 
 @router.get(
-    "/sessions/{session}/distribution", summary="The distribution", responses=problems(404, 422)
+    "/sessions/{session}/distribution",
+    dependencies=[needs("localize")],
+    summary="The distribution",
+    responses=problems(404, 422),
 )
 def get_distribution(
     session: SessionParam,
@@ -96,8 +139,13 @@ def get_distribution(
 
 
 @router.delete(
-    "/sessions/{session}", status_code=204, summary="Close a session", responses=problems(404, 422)
+    "/sessions/{session}",
+    status_code=204,
+    dependencies=[needs("localize")],
+    summary="Close a session",
+    responses=problems(404, 422),
 )
-def close_session(session: SessionParam, operations: OperationsDep) -> None:
+def close_session(session: SessionParam, operations: OperationsDep, streams: StreamsDep) -> None:
     """Forget a session."""
     operations.sessions.close(session)
+    streams.end(session)

@@ -6,7 +6,14 @@ from homsense_service.schemas.expectations import (
     FindingOut,
     LearntOut,
 )
-from homsense_service.schemas.operation import FieldError, HealthzOut, InfoOut, Problem
+from homsense_service.schemas.keys import KeyIn, KeyList, KeyOut, NewKeyOut
+from homsense_service.schemas.operation import (
+    FieldError,
+    HealthzOut,
+    InfoOut,
+    Problem,
+    ReadyzOut,
+)
 from homsense_service.schemas.poses import (
     BestPose,
     HeadingOut,
@@ -15,11 +22,13 @@ from homsense_service.schemas.poses import (
     ModeOut,
     ParticlesOut,
     PoseOut,
+    SessionList,
     SessionOut,
 )
 from homsense_service.schemas.registrations import PlacedOut, PlacementOut, RegistrationOut
 from homsense_service.schemas.scans import (
     ComplexOut,
+    DeletedOut,
     Dropped,
     DroppedScan,
     Level,
@@ -71,6 +80,7 @@ __all__ = [
     "MAX_LANDMARKS",
     "BestPose",
     "ComplexOut",
+    "DeletedOut",
     "DeltaIn",
     "DiagnosisOut",
     "Dropped",
@@ -89,6 +99,9 @@ __all__ = [
     "Identifier",
     "ImuIn",
     "InfoOut",
+    "KeyIn",
+    "KeyList",
+    "KeyOut",
     "Landmarks",
     "LearntOut",
     "Level",
@@ -99,6 +112,7 @@ __all__ = [
     "ModeOut",
     "Moment",
     "MotionIn",
+    "NewKeyOut",
     "OdometryIn",
     "Origin",
     "ParticlesOut",
@@ -113,12 +127,14 @@ __all__ = [
     "RangePointOut",
     "RawComplexOut",
     "ReadingIn",
+    "ReadyzOut",
     "RegistrationOut",
     "ScanIn",
     "ScansIn",
     "ScansOut",
     "SensorIn",
     "SessionIn",
+    "SessionList",
     "SessionOut",
     "SiteIn",
     "SiteList",

@@ -2,6 +2,8 @@
 
 from typing import Literal
 
+from pydantic import Field
+
 from homsense_service.schemas.wire import Wire
 
 
@@ -9,6 +11,14 @@ class HealthzOut(Wire):
     """The process lives."""
 
     status: Literal["ok"]
+
+
+class ReadyzOut(Wire):
+    """The store answers."""
+
+    status: Literal["ok"]
+    commit_age_s: float = Field(description="Of the transaction at hand; 0 between two.")
+    pending_requests: int = Field(description="Requests that wait for their answers.")
 
 
 class InfoOut(Wire):

@@ -103,6 +103,13 @@ class SessionOut(Wire):
     pose: PoseOut
 
 
+class SessionList(Wire):
+    """Sessions of a site."""
+
+    sessions: list[str]
+    next: str | None = Field(description="Cursor of the next page; null on the last.")
+
+
 class ParticlesOut(Wire):
     """A thinned set of particles of equal weight: x m, y m, heading rad."""
 

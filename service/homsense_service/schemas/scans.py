@@ -48,11 +48,15 @@ class ScanIn(Wire):
         if len(self.landmarks) > max_landmarks:
             message = f"landmarks: {len(self.landmarks)} are more than the limit {max_landmarks}"
             raise ValueError(message)
+        heard = readings(self.landmarks)
+        if not heard:
+            message = "landmarks: all have opted out"
+            raise ValueError(message)
         return StoredScan(
             self.device,
             self.scan_id,
             unix_seconds(self.observed_at),
-            readings(self.landmarks),
+            heard,
             None if self.track is None else self.track.model_dump(),
         )
 
@@ -101,6 +105,12 @@ class ScansOut(Wire):
     duplicate: int
     dropped: list[Dropped]
     complex_version: int
+
+
+class DeletedOut(Wire):
+    """What was deleted."""
+
+    scans: int
 
 
 class RawComplexOut(Wire):

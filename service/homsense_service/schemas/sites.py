@@ -151,6 +151,7 @@ class SiteList(Wire):
     """All sites."""
 
     sites: list[SiteOut]
+    next: str | None = Field(description="Cursor of the next page; null on the last.")
 
 
 class MapOut(Wire):

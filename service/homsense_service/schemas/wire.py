@@ -56,16 +56,32 @@ class ReadingIn(Wire):
     id: Identifier
     rssi: float | None = Field(default=None, ge=-200, le=100, description="dBm.")
     age_s: float = Field(default=0.0, ge=0, description="Age of the sighting, seconds.")
+    ssid: str | None = Field(
+        default=None,
+        max_length=200,
+        description="Name of the network, only to see whether its owner has opted out; not kept.",
+    )
+
+    @property
+    def has_opted_out(self) -> bool:
+        """Whether the owner of the network does not want it to be used."""
+        return has_opted_out(self.id) or (self.ssid is not None and has_opted_out(self.ssid))
 
 
 Landmarks = Annotated[list[Identifier | ReadingIn], Field(max_length=MAX_LANDMARKS)]
 
 
+def has_opted_out(name: str) -> bool:
+    """Tell whether the owner of a network does not want it to be used."""
+    return name.endswith("_nomap") or "_optout" in name
+
+
 def readings(landmarks: list[str | ReadingIn]) -> tuple[StoredReading, ...]:
-    """Return what was heard, whichever way it was written."""
+    """Return what was heard, whichever way it was written, but for networks that opted out."""
     return tuple(
         StoredReading(entry)
         if isinstance(entry, str)
         else StoredReading(entry.id, entry.rssi, entry.age_s)
         for entry in landmarks
+        if not (has_opted_out(entry) if isinstance(entry, str) else entry.has_opted_out)
     )

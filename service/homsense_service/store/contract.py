@@ -120,21 +120,25 @@ class Store(Protocol):
         """Return what a session refers to."""
         ...
 
-    def keys(self) -> list[KeyRecord]:
+    def api_keys(self) -> list[KeyRecord]:
         """Return all keys."""
         ...
 
     def add_key(self, record: KeyRecord) -> None:
-        """Keep a key."""
+        """Keep a key or raise `KeyExistsError`."""
         ...
 
-    def delete_key(self, name: str) -> bool:
-        """Delete a key; tell whether there was one."""
+    def delete_key(self, name: str) -> None:
+        """Delete a key or raise `KeyNotFoundError`."""
         ...
 
     @property
     def caution(self) -> str | None:
         """What an operator should know about it, if anything."""
+        ...
+
+    def watch(self, on_commit: Callable[[float, int], None]) -> None:
+        """Tell from now on how long each transaction took, seconds, and how many jobs it had."""
         ...
 
     def check(self) -> None:

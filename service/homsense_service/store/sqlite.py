@@ -13,7 +13,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TypeVar
 
-from homsense_service.errors import StoreError
+from homsense_service.errors import KeyExistsError, KeyNotFoundError, StoreError
 from homsense_service.records import (
     Checkpoint,
     Event,
@@ -43,8 +43,6 @@ class SqliteStore:
     ----------
     directory : pathlib.Path
         Created when absent.
-    on_commit : callable, optional
-        Told how long each transaction took, seconds, and how many jobs it had.
 
     Raises
     ------
@@ -52,9 +50,7 @@ class SqliteStore:
         If the directory cannot be used or another process holds it.
     """
 
-    def __init__(
-        self, directory: Path, on_commit: Callable[[float, int], None] = lambda _s, _n: None
-    ) -> None:
+    def __init__(self, directory: Path) -> None:
         self._path = directory / "homsense.sqlite3"
         try:
             directory.mkdir(parents=True, exist_ok=True)
@@ -80,7 +76,11 @@ class SqliteStore:
             message = f"the data directory {directory} cannot be used: {error}"
             raise StoreError(message) from error
         self._landmarks = Landmarks()
-        self._writer = Writer(connection, time.monotonic, on_commit, self._landmarks.forget)
+        self._writer = Writer(connection, time.monotonic, self._landmarks.forget)
+
+    def watch(self, on_commit: Callable[[float, int], None]) -> None:
+        """Tell from now on of each transaction."""
+        self._writer.on_commit = on_commit
 
     @property
     def caution(self) -> str | None:
@@ -162,15 +162,13 @@ class SqliteStore:
     def delete_scans(self, site: str, device: str) -> int:
         """Delete the scans of a device."""
         return self._write(
-            lambda db: scan_log.delete_scans(db, self._landmarks, site, "device = ?", device)
+            lambda db: scan_log.delete_scans(db, self._landmarks, site, scan_log.OF_DEVICE, device)
         )
 
     def expire_scans(self, site: str, before_s: float) -> int:
         """Delete the scans that were observed before a moment."""
         return self._write(
-            lambda db: scan_log.delete_scans(
-                db, self._landmarks, site, "observed_at < ?", before_s
-            )
+            lambda db: scan_log.delete_scans(db, self._landmarks, site, scan_log.BEFORE, before_s)
         )
 
     def checkpoint(self, site: str) -> Checkpoint | None:
@@ -241,7 +239,7 @@ class SqliteStore:
             raise StoreError(message)
         return bytes(row[0])
 
-    def keys(self) -> list[KeyRecord]:
+    def api_keys(self) -> list[KeyRecord]:
         """Return all keys by name."""
         rows = self._read(lambda db: db.execute("SELECT * FROM api_key ORDER BY name").fetchall())
         return [
@@ -256,19 +254,28 @@ class SqliteStore:
         ]
 
     def add_key(self, record: KeyRecord) -> None:
-        """Keep a key."""
+        """Keep a key or raise `KeyExistsError`."""
         sites = None if record.sites is None else json.dumps(record.sites)
-        row = (
-            record.name, record.hashed, json.dumps(record.scopes), sites, record.created_at_s,
-        )  # fmt: skip
-        self._write(
-            lambda db: _done(db.execute("INSERT INTO api_key VALUES (?, ?, ?, ?, ?)", row))
-        )
+        scopes = json.dumps(record.scopes)
+        row = (record.name, record.hashed, scopes, sites, record.created_at_s)
 
-    def delete_key(self, name: str) -> bool:
-        """Delete a key; tell whether there was one."""
-        statement = "DELETE FROM api_key WHERE name = ?"
-        return self._write(lambda db: db.execute(statement, (name,)).rowcount > 0)
+        def job(db: sqlite3.Connection) -> None:
+            statement = "INSERT INTO api_key VALUES (?, ?, ?, ?, ?) ON CONFLICT DO NOTHING"
+            if not db.execute(statement, row).rowcount:
+                message = f"there is a key {record.name!r} already"
+                raise KeyExistsError(message)
+
+        self._write(job)
+
+    def delete_key(self, name: str) -> None:
+        """Delete a key or raise `KeyNotFoundError`."""
+
+        def job(db: sqlite3.Connection) -> None:
+            if not db.execute("DELETE FROM api_key WHERE name = ?", (name,)).rowcount:
+                message = f"there is no key {name!r}"
+                raise KeyNotFoundError(message)
+
+        self._write(job)
 
     def close(self) -> None:
         """Write what waits and release the data directory."""

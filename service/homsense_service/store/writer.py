@@ -39,8 +39,6 @@ class Writer:
         In autocommit mode; the thread of the writer alone uses it from now on.
     clock : callable
         Returns seconds that never go back.
-    on_commit : callable
-        Told how long each transaction took, seconds, and how many jobs it had.
     on_failure : callable
         Told when a transaction was lost.
     """
@@ -49,11 +47,11 @@ class Writer:
         self,
         connection: sqlite3.Connection,
         clock: Callable[[], float],
-        on_commit: Callable[[float, int], None],
         on_failure: Callable[[], None],
     ) -> None:
         self._connection, self._clock = connection, clock
-        self._on_commit, self._on_failure = on_commit, on_failure
+        self._on_failure = on_failure
+        self.on_commit: Callable[[float, int], None] = lambda _seconds, _jobs: None
         self._urgent: queue.SimpleQueue[_Waiting | None] = queue.SimpleQueue()
         self._later: deque[_Waiting] = deque(maxlen=MOST_TOGETHER)
         self._oldest_s: float | None = None
@@ -153,7 +151,7 @@ class Writer:
         except sqlite3.Error as error:
             self._give_up(together, error)
             return
-        self._on_commit(self._clock() - started_s, len(together))
+        self.on_commit(self._clock() - started_s, len(together))
         for entry, result in results:
             entry.done(result)
             entry.future.set_result(result)

@@ -1,0 +1,105 @@
+"""Live poses: each is written once, and whoever reads too slowly misses some, then all."""
+
+import asyncio
+import threading
+
+KEPT, PATIENCE = 2, 64
+
+
+class Reader:
+    """One reader of a session's poses; only the event loop touches it."""
+
+    def __init__(self) -> None:
+        self._frames: asyncio.Queue[bytes | None] = asyncio.Queue(KEPT)
+        self._missed = 0
+        self._sending: asyncio.Task[object] | None = None
+        self.is_open = True
+
+    def offer(self, frame: bytes) -> None:
+        """Take a frame in place of the oldest; after too many in vain, end."""
+        if not self.is_open:
+            return
+        if self._frames.full():
+            self._missed += 1
+            self._frames.get_nowait()
+            if self._missed >= PATIENCE:
+                self.end()
+                if self._sending is not None:
+                    self._sending.cancel()
+                return
+        else:
+            self._missed = 0
+        self._frames.put_nowait(frame)
+
+    def end(self) -> None:
+        """Let the reader come to its end."""
+        if self.is_open:
+            self.is_open = False
+            while not self._frames.empty():
+                self._frames.get_nowait()
+            self._frames.put_nowait(None)
+
+    async def next(self) -> bytes | None:
+        """Return the next frame; None at the end.
+
+        The task that asks is taken for the one that sends: it is cancelled when it stands still.
+        """
+        self._sending = asyncio.current_task()
+        return await self._frames.get()
+
+
+class Streams:
+    """The readers of all sessions.
+
+    Parameters
+    ----------
+    most : int
+        How many readers there may be.
+    """
+
+    def __init__(self, most: int) -> None:
+        self.most = most
+        self._loop = asyncio.get_running_loop()
+        self._lock = threading.Lock()
+        self._readers: dict[str, set[Reader]] = {}
+
+    def __len__(self) -> int:
+        return sum(map(len, list(self._readers.values())))
+
+    def join(self, session: str) -> Reader:
+        """Return a new reader of a session."""
+        reader = Reader()
+        with self._lock:
+            self._readers.setdefault(session, set()).add(reader)
+        return reader
+
+    def leave(self, session: str, reader: Reader) -> None:
+        """Forget a reader."""
+        with self._lock:
+            readers = self._readers.get(session, set())
+            readers.discard(reader)
+            if not readers:
+                self._readers.pop(session, None)
+
+    def publish(self, session: str, frame: bytes) -> None:
+        """Give a pose to all readers of a session; from any thread."""
+        if session in self._readers:
+            self._loop.call_soon_threadsafe(self._deliver, session, frame)
+
+    def end(self, session: str) -> None:
+        """End the readers of a session; from any thread."""
+        if session in self._readers:
+            self._loop.call_soon_threadsafe(self._end, session)
+
+    def end_all_soon(self) -> None:
+        """End all readers; from any thread, or a signal handler."""
+        for session in list(self._readers):
+            self._loop.call_soon_threadsafe(self._end, session)
+
+    def _deliver(self, session: str, frame: bytes) -> None:
+        for reader in list(self._readers.get(session, ())):
+            reader.offer(frame)
+
+    def _end(self, session: str) -> None:
+        for reader in list(self._readers.get(session, ())):
+            reader.end()
