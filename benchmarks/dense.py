@@ -10,7 +10,7 @@ SEED, N_SCANS, N_NAMES, SIZE = 1, 200, 3000, 400
 
 def table() -> list[str]:
     """Return what scans of 400 landmarks cost."""
-    rng = random.Random(SEED)  # noqa: S311
+    rng = random.Random(SEED)
     names = [f"{n:06x}" for n in range(N_NAMES)]
     starts = [rng.randrange(N_NAMES) for _ in range(N_SCANS)]
     heard = [

@@ -49,7 +49,7 @@ def _named(rows: list[list[int]]) -> list[frozenset[str]]:
 
 
 def _relations() -> str:
-    rng = random.Random(SEED)  # noqa: S311
+    rng = random.Random(SEED)
     wrong = most_holes = most_parts = empty = 0
     for _ in range(N_RELATIONS):
         rows = _random_relation(rng)
@@ -63,7 +63,7 @@ def _relations() -> str:
 
 
 def _ranks() -> str:
-    rng = random.Random(SEED + 1)  # noqa: S311
+    rng = random.Random(SEED + 1)
     wrong = most = 0
     for _ in range(N_RANKS):
         rows = [row for row in _random_relation(rng)[:60] if row]

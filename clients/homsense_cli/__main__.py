@@ -161,6 +161,44 @@ def remove_key(name: str, data: DataOption = Path("data")) -> None:
     run(data, name)
 
 
+@app.command("export")
+def export_(
+    site: Annotated[str, typer.Argument(help="Name of the site.")],
+    out: Annotated[
+        Path | None, typer.Option(dir_okay=False, help="The file; SITE.homsense when absent.")
+    ] = None,
+    data: DataOption = Path("data"),
+) -> None:
+    """Write configuration, map and scans of a site to one file, while the service is stopped."""
+    from homsense_cli.stored import export_site
+
+    file = out or Path(f"{site}.homsense")
+    export_site(data, site, file)
+    typer.echo(file)
+
+
+@app.command("import")
+def import_(
+    file: Annotated[Path, typer.Argument(exists=True, dir_okay=False, help="From export.")],
+    name: Annotated[str | None, typer.Option(help="Of the site; as in the file.")] = None,
+    data: DataOption = Path("data"),
+) -> None:
+    """Make a site from such a file, while the service is stopped."""
+    from homsense_cli.stored import import_site
+
+    site, scans = import_site(data, file, name)
+    typer.echo(f"{site}: {scans} scans")
+
+
+@app.command()
+def verify(data: DataOption = Path("data")) -> None:
+    """Build everything again from the logs and compare all digests."""
+    from homsense_cli.stored import verify as run
+
+    if not run(data, Console()):
+        sys.exit(FAILED)
+
+
 bench = typer.Typer(help="Measure; every figure with its controls.", no_args_is_help=True)
 app.add_typer(bench, name="bench")
 

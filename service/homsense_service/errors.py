@@ -29,6 +29,14 @@ class RateLimitError(ServiceError):
         self.retry_after_s = retry_after_s
 
 
+class PortableError(ServiceError, ValueError):
+    """A file holds no site, or not all of it."""
+
+
+class SiteExistsError(ServiceError):
+    """A site has this name already."""
+
+
 class KeyNotFoundError(ServiceError):
     """No key has this name."""
 

@@ -1,7 +1,7 @@
 """What the service does. Every rim parses, calls one of these, and renders the answer."""
 
 import secrets
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, TypeVar
@@ -13,6 +13,7 @@ from homsense_service import schemas
 from homsense_service.archive import Archive
 from homsense_service.expecting import Expecting
 from homsense_service.localizing import localizing, restored, run_document
+from homsense_service.portable import exported
 from homsense_service.pseudonyms import Pseudonyms
 from homsense_service.records import KeyRecord, SessionRecord, StoredScan
 from homsense_service.registering import Registered, Registering
@@ -103,6 +104,10 @@ class Operations:
     def commit_age_s(self) -> float:
         """Return how long the transaction at hand goes on, seconds; 0 between two."""
         return self._store.age_s()
+
+    def export(self, name: str) -> Iterator[bytes]:
+        """Return the file of a site, piece by piece."""
+        return exported(self._store, self.sites.get(name).name)
 
     def now_s(self) -> float:
         """Return Unix seconds."""

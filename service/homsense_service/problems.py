@@ -32,6 +32,8 @@ KINDS: dict[type[Exception], Kind] = {
     errors.UnauthorizedError: Kind(401, "unauthorized", "Who calls?"),
     errors.ForbiddenError: Kind(403, "forbidden", "The key is not good for this"),
     errors.RateLimitError: Kind(429, "rate_limited", "Too many requests"),
+    errors.PortableError: Kind(422, "invalid_file", "The file holds no site"),
+    errors.SiteExistsError: Kind(409, "site_exists", "There is such a site"),
     errors.KeyNotFoundError: Kind(404, "key_not_found", "No such key"),
     errors.KeyExistsError: Kind(409, "key_exists", "There is such a key"),
     errors.CursorError: Kind(422, "invalid_cursor", "There is no such page"),

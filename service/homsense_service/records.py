@@ -6,6 +6,12 @@ from typing import Any, Literal, NamedTuple
 NEAR_AND_FAR = (2, 3)
 
 
+def config_of(fields: dict[str, Any]) -> "SiteConfig":
+    """Return the configuration that JSON tells of."""
+    listed = {name: tuple(value) for name, value in fields.items() if isinstance(value, list)}
+    return SiteConfig(**{**fields, **listed})
+
+
 @dataclass(frozen=True, slots=True)
 class SiteConfig:
     """Configuration of a site.

@@ -106,7 +106,7 @@ class SiteRegistry:
             before, site.config = site.config, config
             site.revision += 1
             if sensing(before) != sensing(config):
-                self._rebuild(site)
+                self.rebuild(site)
             if site.map is not None and before.origin != config.origin:
                 site.map = self.read_map(site.map.document, config)
         return site, False
@@ -158,7 +158,7 @@ class SiteRegistry:
         with site.writing:
             deleted = self._store.delete_scans(site.name, device)
             if deleted:
-                self._rebuild(site)
+                self.rebuild(site)
         return deleted
 
     def _expire(self, site: Site) -> None:
@@ -256,7 +256,8 @@ class SiteRegistry:
         self._read_on(site)
         return site
 
-    def _rebuild(self, site: Site) -> None:
+    def rebuild(self, site: Site) -> None:
+        """Build what a site makes of its scans again, from the log alone."""
         site.forget()
         self._checkpointed.pop(site.name, None)
         self._read_on(site)

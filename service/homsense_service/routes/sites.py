@@ -3,7 +3,7 @@
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Body, Path, Request, Response
-from fastapi.responses import JSONResponse
+from fastapi.responses import JSONResponse, StreamingResponse
 
 from homsense_service import rendering, schemas
 from homsense_service.routes.access import CallerDep, OperationsDep, SiteParam, needs, problems
@@ -74,6 +74,20 @@ def get_site(site: SiteParam, operations: OperationsDep, response: Response) -> 
 def delete_site(site: SiteParam, operations: OperationsDep, expected: ExpectedDep) -> None:
     """Delete a site with its map, scans and sessions."""
     operations.delete_site(site, expected)
+
+
+@router.get(
+    "/{site}/export",
+    dependencies=[needs("admin")],
+    summary="Export a site",
+    response_class=StreamingResponse,
+    responses={200: {"content": {"application/gzip": {}}}, **problems(404, 422)},
+)
+def export_site(site: SiteParam, operations: OperationsDep) -> StreamingResponse:
+    """Return configuration, map and scans as one file, for `homsense import`."""
+    headers = {"content-disposition": f'attachment; filename="{site}.homsense"'}
+    pieces = operations.export(site)
+    return StreamingResponse(pieces, media_type="application/gzip", headers=headers)
 
 
 @router.delete(

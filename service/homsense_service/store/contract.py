@@ -145,6 +145,10 @@ class Store(Protocol):
         """Raise `StoreError` when the store does not answer."""
         ...
 
+    def damage(self) -> list[str]:
+        """Return what is wrong with the files of the store; reads all of them."""
+        ...
+
     def age_s(self) -> float:
         """Return how long the oldest work waits to be written, seconds; 0 when none waits."""
         ...

@@ -20,15 +20,16 @@ from homsense_service.records import (
     KeyRecord,
     NumberedScan,
     SessionRecord,
-    SiteConfig,
     SiteRecord,
     Snapshot,
     StoredScan,
+    config_of,
 )
 from homsense_service.store import journal, scan_log
 from homsense_service.store.contract import Artifacts, Committed
 from homsense_service.store.landmarks import Landmarks
 from homsense_service.store.schema import migrate
+from homsense_service.store.wal import has_ragged_end
 from homsense_service.store.writer import Job, Writer
 
 Result = TypeVar("Result")
@@ -70,6 +71,7 @@ class SqliteStore:
                 ("wal_autocheckpoint", 4000),
             ):
                 connection.execute(f"PRAGMA {name} = {value}")
+            self._has_ragged_end = has_ragged_end(connection, self._path)
             migrate(connection)
         except (sqlite3.Error, StoreError) as error:
             self._ownership.close()
@@ -84,15 +86,29 @@ class SqliteStore:
 
     @property
     def caution(self) -> str | None:
-        """What an operator should know about the library, if anything."""
-        if sqlite3.sqlite_version_info >= _MENDED:
-            return None
-        return f"SQLite {sqlite3.sqlite_version} is older than 3.51.3, see docs/operation.md"
+        """What an operator should know about it, if anything."""
+        told = []
+        if sqlite3.sqlite_version_info < _MENDED:
+            told.append(
+                f"SQLite {sqlite3.sqlite_version} is older than 3.51.3, see docs/operation.md"
+            )
+        if self._has_ragged_end:
+            told.append(
+                "the write-ahead log ends in the middle of a transaction, which is left out: it "
+                "was never acknowledged unless the disk has failed"
+            )
+        return "; ".join(told) or None
 
     def check(self) -> None:
         """Raise `StoreError` when the store does not answer."""
         self._writer.check()
         self.sites()
+
+    def damage(self) -> list[str]:
+        """Return what is wrong with the file; reads all of it."""
+        found = self._read(lambda db: db.execute("PRAGMA integrity_check").fetchall())
+        found += self._read(lambda db: db.execute("PRAGMA foreign_key_check").fetchall())
+        return [str(row[0]) for row in found if row[0] != "ok"]
 
     def age_s(self) -> float:
         """Return how long the transaction at hand goes on, seconds."""
@@ -103,7 +119,7 @@ class SqliteStore:
         rows = self._read(
             lambda db: db.execute("SELECT name, config, revision FROM site").fetchall()
         )
-        return {name: SiteRecord(_config(json.loads(text)), at) for name, text, at in rows}
+        return {name: SiteRecord(config_of(json.loads(text)), at) for name, text, at in rows}
 
     def put_site(self, site: str, record: SiteRecord) -> None:
         """Create a site or replace its configuration."""
@@ -317,8 +333,3 @@ def _owned(path: Path) -> sqlite3.Connection:
 
 def _done(_cursor: sqlite3.Cursor) -> None:
     """Give nothing back."""
-
-
-def _config(fields: dict[str, Any]) -> SiteConfig:
-    listed = {name: tuple(value) for name, value in fields.items() if isinstance(value, list)}
-    return SiteConfig(**{**fields, **listed})
