@@ -119,7 +119,7 @@ class Load:
                 return self.service.ask(method, path, body)
             except OSError:
                 self.again += 1
-                time.sleep(0.02)
+                time.sleep(0.1)
 
     def _post(self, number: int) -> None:
         rng, count = random.Random(f"{self.seed} scans {number}"), 0
