@@ -4,6 +4,7 @@ Random placements on the map are heard by a random crowd; the range, the dropout
 of the placement under which scans look most like the site's own are taken for the site's.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -243,6 +244,8 @@ class _Fitted:
             range_m = farthest
         within = kept.kept(kept.distance_m <= range_m)
         simulated = _looks(within.place, within.transmitter, transmitters)
+        if not len(simulated.sizes):
+            return cls(math.inf, range_m, dropout, evenness)
         misfit = wasserstein_distance(simulated.sizes, observed.sizes) / wanted
         misfit += wasserstein_distance(simulated.likeness, observed.likeness)
         return cls(float(misfit), range_m, dropout, evenness)

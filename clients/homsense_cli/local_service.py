@@ -8,6 +8,7 @@ import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import httpx
 
@@ -33,22 +34,49 @@ def local_service(**settings: object) -> Iterator[str]:
     RuntimeError
         If it does not start.
     """
-    with tempfile.TemporaryDirectory(prefix="homsense-") as directory:
-        port = _free_port()
-        given = {"DATA": directory, "PORT": port, **{k.upper(): v for k, v in settings.items()}}
-        environment = {f"HOMSENSE_{name}": str(value) for name, value in given.items()}
-        command = [sys.executable, "-m", "homsense_service"]
-        process = subprocess.Popen(command, env={**os.environ, **environment})
+    with (
+        tempfile.TemporaryDirectory(prefix="homsense-") as directory,
+        start(Path(directory), **settings) as url,
+    ):
+        yield url
+
+
+@contextmanager
+def start(data: Path, **settings: object) -> Iterator[str]:
+    """Run a service on loopback, and stop it at the end.
+
+    Parameters
+    ----------
+    data : pathlib.Path
+        Directory of its store.
+    **settings : object
+        Settings of the service, as in ``cell_m=1.0``.
+
+    Yields
+    ------
+    str
+        Its base URL.
+
+    Raises
+    ------
+    RuntimeError
+        If it does not start.
+    """
+    port = _free_port()
+    given = {"DATA": data, "PORT": port, **{k.upper(): v for k, v in settings.items()}}
+    environment = {f"HOMSENSE_{name}": str(value) for name, value in given.items()}
+    command = [sys.executable, "-m", "homsense_service"]
+    process = subprocess.Popen(command, env={**os.environ, **environment})
+    try:
+        url = f"http://127.0.0.1:{port}"
+        _await_health(url, process)
+        yield url
+    finally:
+        process.terminate()
         try:
-            url = f"http://127.0.0.1:{port}"
-            _await_health(url, process)
-            yield url
-        finally:
-            process.terminate()
-            try:
-                process.wait(timeout=10.0)
-            except subprocess.TimeoutExpired:
-                process.kill()
+            process.wait(timeout=10.0)
+        except subprocess.TimeoutExpired:
+            process.kill()
 
 
 def _free_port() -> int:

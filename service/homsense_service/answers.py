@@ -1,6 +1,7 @@
 """Errors -> problem+json, for every route alike."""
 
 import logging
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -21,7 +22,7 @@ from homsense_service.problems import (
     problem,
 )
 
-UNAVAILABLE = 503
+NOT_ALLOWED, UNAVAILABLE = 405, 503
 
 _log = logging.getLogger(__name__)
 
@@ -56,13 +57,26 @@ def invalid_request(found: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     return problem(INVALID_REQUEST, f"{path}: {message}", fields)
 
 
-async def _http_error(_request: Request, error: Exception) -> JSONResponse:
+async def _http_error(request: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, HTTPException)
     detail = str(error.detail)
+    headers = dict(error.headers or {})
+    if error.status_code == NOT_ALLOWED:
+        headers["allow"] = ", ".join(sorted(_methods(request)))
     if error.status_code == MALFORMED_JSON.status:
         return _answer(MALFORMED_JSON, detail)
     kind = Kind(error.status_code, detail.lower().replace(" ", "_"), detail)
-    return _answer(kind, detail, headers=dict(error.headers or {}))
+    return _answer(kind, detail, headers=headers)
+
+
+def _methods(request: Request) -> set[str]:
+    """Return the methods of all routes with the path of a request."""
+    found: set[str] = set()
+    for path, verbs in request.app.openapi()["paths"].items():
+        pattern = re.sub(r"\\\{[^}]*\\\}", "[^/]+", re.escape(path))
+        if re.fullmatch(pattern, request.url.path):
+            found |= {verb.upper() for verb in verbs}
+    return found
 
 
 async def _known_error(_request: Request, error: Exception) -> JSONResponse:

@@ -36,7 +36,7 @@ KINDS: dict[type[Exception], Kind] = {
     errors.SiteExistsError: Kind(409, "site_exists", "There is such a site"),
     errors.KeyNotFoundError: Kind(404, "key_not_found", "No such key"),
     errors.KeyExistsError: Kind(409, "key_exists", "There is such a key"),
-    errors.CursorError: Kind(422, "invalid_cursor", "There is no such page"),
+    errors.CursorError: Kind(404, "invalid_cursor", "There is no such page"),
     errors.SiteNotFoundError: Kind(404, "site_not_found", "No such site"),
     errors.SessionNotFoundError: Kind(404, "session_not_found", "No such session"),
     errors.MapMissingError: Kind(409, "map_missing", "The site has no map"),

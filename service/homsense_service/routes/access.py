@@ -12,11 +12,10 @@ from homsense_service.limiting import RateLimit
 from homsense_service.metrics import Metrics
 from homsense_service.operations import Operations
 from homsense_service.problems import MEDIA_TYPE
+from homsense_service.schemas.wire import NAME
 from homsense_service.streams import Streams
 
-SiteParam = Annotated[
-    str, Path(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$", description="Name of the site.")
-]
+SiteParam = Annotated[str, Path(pattern=NAME, description="Name of the site.")]
 SessionParam = Annotated[str, Path(max_length=64, description="Identifier of the session.")]
 
 

@@ -13,7 +13,7 @@ from homsense_service.routes.versions import ExpectedDep, tagged
 router = APIRouter(prefix="/v1/sites", tags=["sites"])
 
 
-@router.get("", dependencies=[needs("read")], summary="List sites", responses=problems(422))
+@router.get("", dependencies=[needs("read")], summary="List sites", responses=problems(404, 422))
 def list_sites(
     operations: OperationsDep,
     caller: CallerDep,

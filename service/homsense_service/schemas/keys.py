@@ -6,9 +6,10 @@ from pydantic import Field, StringConstraints
 
 from homsense_service.keys import Scope
 from homsense_service.records import KeyRecord
-from homsense_service.schemas.wire import Wire
+from homsense_service.schemas.wire import NAME, Wire
 
-KeyName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")]
+KeyName = Annotated[str, StringConstraints(pattern=NAME)]
+SiteName = Annotated[str, StringConstraints(pattern=NAME)]
 
 
 class KeyIn(Wire):
@@ -21,7 +22,7 @@ class KeyIn(Wire):
         description="ingest: post scans. localize: sessions. read: everything else that changes "
         "nothing. admin: all.",
     )
-    sites: list[Annotated[str, StringConstraints(max_length=64)]] | None = Field(
+    sites: list[SiteName] | None = Field(
         default=None, min_length=1, max_length=1000, description="Everywhere when absent."
     )
 

@@ -8,6 +8,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstra
 from homsense_service.records import StoredReading
 
 MAX_HOPS = 16
+NAME = r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$"
 
 MAX_LANDMARKS = 200_000
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import shapely
 from scipy.stats import multivariate_t
-from support.builders import feature, local_map, square
+from support.builders import SITE_MAP, feature, local_map, square
 
 from homsense import (
     CodeMap,
@@ -271,3 +271,10 @@ def test_a_scan_measures_the_mean_over_its_landmarks() -> None:
     assert left_out.mean_holes(seen) is None
     assert np.isnan(left_out.table(sorted(seen))).all()
     assert len(profiles.sampled(10)) <= 10
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_single_scan_of_one_landmark_is_enough_to_learn_something(seed: int) -> None:
+    space = FreeSpace.of(SiteMap.from_geojson(SITE_MAP), 2.0)
+    radio = estimate_radio(space, [frozenset({"a"})], seed=seed)
+    assert radio.range_m > 0.0
