@@ -10,6 +10,7 @@ import sys
 import tempfile
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 from statistics import mean
 
@@ -114,7 +115,7 @@ class Work:
                     time.sleep(0.1)
                     continue
                 path = f"/v1/sessions/{self.names[-1]}/events"
-                with client.stream("GET", path) as stream:
+                with suppress(httpx.ReadTimeout), client.stream("GET", path) as stream:
                     for number, line in enumerate(stream.iter_lines()):
                         if number > 8 or self.over.is_set():  # noqa: PLR2004
                             break
