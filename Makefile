@@ -37,11 +37,15 @@ unit: $(READY) ## unit, property, contract and integration tests with coverage
 	@$(BIN)/coverage combine --quiet
 	@$(BIN)/coverage report --skip-covered
 
-proof: $(READY) ## slow proof: exactness, calibration, recovery, ten demos, accuracy; DATA=folder of recorded data
+proof: $(READY) ## slow proof: exactness, calibration, recovery, demos, 200 kills, 10^6 malformed inputs, soak, accuracy; DATA=recorded data
 	$(BIN)/python benchmarks/exactness.py
 	$(BIN)/python benchmarks/same_bits.py
 	$(BIN)/python benchmarks/calibration.py
 	$(BIN)/python benchmarks/demo_seeds.py
+	$(BIN)/python benchmarks/contract.py
+	$(BIN)/python benchmarks/fuzz.py
+	$(BIN)/python benchmarks/kill_storm.py
+	$(BIN)/python benchmarks/soak.py
 	$(BIN)/python benchmarks/accuracy.py $(DATA)
 	$(if $(DATA),$(BIN)/python benchmarks/registered.py $(DATA))
 

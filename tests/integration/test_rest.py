@@ -578,6 +578,12 @@ def test_what_does_not_exist_is_a_problem_too(api: TestClient) -> None:
     assert api.get("/v1/info").json()["name"] == "homsense"
 
 
+def test_an_epoch_has_a_length(api: TestClient) -> None:
+    for days in (0.0, 1e-320, 1e-9):
+        config = {"retention": {"epoch_days": days, "epochs": 4}}
+        assert api.put("/v1/sites/a", json=config).status_code == 422
+
+
 def test_operators_see_what_happens(tmp_path: Path) -> None:
     opened: list[SqliteStore] = []
 

@@ -15,7 +15,7 @@ DAY_S = 86_400.0
 class Retention(Wire):
     """How long scans count."""
 
-    epoch_days: float = Field(gt=0, le=3660, description="Scans are forgotten by epochs.")
+    epoch_days: float = Field(ge=0.01, le=3660, description="Scans are forgotten by epochs.")
     epochs: int = Field(ge=1, le=64, description="Epochs that count, the current one included.")
 
 
