@@ -26,6 +26,10 @@ bearer = "{token}"
 [checks.positive_data_acceptance]
 expected-statuses = ["2xx", "3xx", 401, 403, 404, 409, 412, 422, 429, "5xx"]
 
+# What a site is still learning is answered with 503 and Retry-After.
+[checks.not_a_server_error]
+expected-statuses = ["2xx", "3xx", "4xx", 503]
+
 # A bad scan is told and dropped; it does not spoil its batch.
 [[operations]]
 include-path = "/v1/sites/{{site}}/scans"

@@ -202,9 +202,9 @@ def call(port: int, method: str, path: str, body: bytes) -> bytes:
 
 
 @contextmanager
-def serving(data: Path) -> Iterator[tuple[int, int]]:
+def serving(data: Path, engine: str = "numba") -> Iterator[tuple[int, int]]:
     """Run a service."""
-    environment = {"HOMSENSE_DATA": str(data), "HOMSENSE_ENGINE": "numba"}
+    environment = {"HOMSENSE_DATA": str(data), "HOMSENSE_ENGINE": engine}
     with process([sys.executable, "-m", "homsense_service"], environment, "/healthz") as found:
         yield found
 

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.stats import wasserstein_distance
 
+from homsense.earth_mover import earth_mover_distance
 from homsense.errors import InvalidInputError
 from homsense.free_space import FreeSpace
 from homsense.height import MESH_M, structures_within
@@ -50,5 +50,5 @@ def calibrate_r_geo(
     west, south, east, north = site_map.bounds
     radii = np.linspace(0.0, float(np.hypot(east - west, north - south)), _RADII + 1)[1:]
     expected = structures_within(site_map.surface_mesh(MESH_M), places, radii)
-    apart = [wasserstein_distance(row, counts) for row in expected]
+    apart = [earth_mover_distance(row, counts) for row in expected]
     return float(radii[int(np.argmin(apart))])

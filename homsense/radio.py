@@ -12,8 +12,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
-from scipy.stats import wasserstein_distance
 
+from homsense.earth_mover import earth_mover_distance
 from homsense.errors import InvalidInputError
 from homsense.free_space import FreeSpace
 from homsense.sight import Sightings, in_view
@@ -246,8 +246,8 @@ class _Fitted:
         simulated = _looks(within.place, within.transmitter, transmitters)
         if not len(simulated.sizes):
             return cls(math.inf, range_m, dropout, evenness)
-        misfit = wasserstein_distance(simulated.sizes, observed.sizes) / wanted
-        misfit += wasserstein_distance(simulated.likeness, observed.likeness)
+        misfit = earth_mover_distance(simulated.sizes, observed.sizes) / wanted
+        misfit += earth_mover_distance(simulated.likeness, observed.likeness)
         return cls(float(misfit), range_m, dropout, evenness)
 
 

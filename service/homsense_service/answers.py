@@ -60,7 +60,7 @@ def invalid_request(found: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 async def _http_error(request: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, HTTPException)
     detail = str(error.detail)
-    headers = dict(error.headers or {})
+    headers = {name.lower(): value for name, value in (error.headers or {}).items()}
     if error.status_code == NOT_ALLOWED:
         headers["allow"] = ", ".join(sorted(_methods(request)))
     if error.status_code == MALFORMED_JSON.status:
