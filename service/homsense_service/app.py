@@ -1,5 +1,6 @@
 """The composition root: settings -> application."""
 
+import asyncio
 import logging
 import time
 from collections.abc import AsyncIterator, Callable
@@ -8,10 +9,12 @@ from importlib.metadata import version
 from pathlib import Path
 
 from fastapi import FastAPI
+from starlette.concurrency import run_in_threadpool
 from starlette.middleware.cors import CORSMiddleware
 
 from homsense_service import answers
 from homsense_service.bodies import BoundedBodies
+from homsense_service.errors import StoreError
 from homsense_service.keys import KeyRing
 from homsense_service.limiting import BoundedConcurrency, RateLimit
 from homsense_service.manners import Manners
@@ -33,6 +36,8 @@ from homsense_service.sites import SiteRegistry
 from homsense_service.store import SqliteStore, Store
 from homsense_service.streams import Streams
 from homsense_service.warming import Warming
+
+TIDY_EVERY_S = 20.0
 
 _log = logging.getLogger(__name__)
 
@@ -76,7 +81,9 @@ def create_app(
                 operations.watch = registry.watch = metrics.watch
                 store.watch(metrics.committed)
                 app.state.metrics, app.state.streams = metrics, streams
+                tidying = asyncio.create_task(_tidy(operations, streams))
                 yield
+                tidying.cancel()
 
     app = FastAPI(
         title="homsense",
@@ -102,6 +109,17 @@ def create_app(
         app.include_router(module.router)
     _describe_problems(app)
     return app
+
+
+async def _tidy(operations: Operations, streams: Streams) -> None:
+    """Look after idle sessions now and then."""
+    while True:
+        await asyncio.sleep(TIDY_EVERY_S)
+        try:
+            for session in await run_in_threadpool(operations.tidy):
+                streams.end(session)
+        except StoreError:
+            _log.exception("idle sessions could not be closed")
 
 
 def _describe_problems(app: FastAPI) -> None:

@@ -21,7 +21,7 @@ from homsense_service.revisions import Expected, whatever
 from homsense_service.runs import Course, Fix, Run, Step
 from homsense_service.sensors import Sensor
 from homsense_service.session_table import SessionTable
-from homsense_service.sessions import Means, Session
+from homsense_service.sessions import Means, RestingError, Session
 from homsense_service.settings import Settings
 from homsense_service.site import Site
 from homsense_service.sites import SiteRegistry
@@ -95,7 +95,7 @@ class Operations:
         self._archive = Archive(store.artifact)
         secret = settings.hash_key
         self._names = Pseudonyms(None if secret is None else secret.get_secret_value().encode())
-        self.sessions = SessionTable(settings.max_sessions, store, self._wake)
+        self.sessions = SessionTable(settings.max_sessions, store, self._wake, clock)
 
     def check(self) -> None:
         """Raise `StoreError` when the store does not answer."""
@@ -112,6 +112,10 @@ class Operations:
     def now_s(self) -> float:
         """Return Unix seconds."""
         return self._clock()
+
+    def tidy(self) -> list[str]:
+        """Let idle sessions sleep, close those idle for too long; return these."""
+        return self.sessions.tidy(self._settings.session_sleep_s, self._settings.session_expiry_s)
 
     def known_keys(self) -> list[KeyRecord]:
         """Return all keys by name."""
@@ -230,7 +234,13 @@ class Operations:
 
     def move_session(self, name: str) -> Session:
         """Let a session go on with the current map of its site."""
-        session = self.sessions.get(name)
+        while True:
+            try:
+                return self._moved(self.sessions.get(name))
+            except RestingError:
+                continue
+
+    def _moved(self, session: Session) -> Session:
         site = session.site
         version = site.require_map()
         before = session.run.sensor
@@ -251,12 +261,16 @@ class Operations:
         answer: Callable[[Session, Fix], Answer],
     ) -> Answer:
         """Apply steps to a session and answer with what follows from the last; all is on disk."""
-        session = self.sessions.get(name)
-        given = [self._step(step, session.site.config.landmark_key) for step in steps]
-        answered = session.apply(given, partial(answer, session), session.site.receive)
-        if session.contributes:
-            self.sites.catch_up(session.site)
-        return answered
+        while True:
+            session = self.sessions.get(name)
+            given = [self._step(step, session.site.config.landmark_key) for step in steps]
+            try:
+                answered = session.apply(given, partial(answer, session), session.site.receive)
+            except RestingError:
+                continue
+            if session.contributes:
+                self.sites.catch_up(session.site)
+            return answered
 
     def _wake(self, record: SessionRecord) -> Session:
         """Return a session as it was before a restart."""

@@ -1,4 +1,4 @@
-"""All sessions of the process; those of before the last start sleep until they are asked for."""
+"""All sessions; idle ones, and those of before the last start, sleep until they are asked for."""
 
 import threading
 from collections.abc import Callable, Iterable
@@ -19,18 +19,26 @@ class SessionTable:
     store : Store
         Where they survive.
     wake : callable
-        Returns a session as it was when the process before this one ended.
+        Returns a session as its journal tells.
+    clock : callable
+        Returns seconds.
     """
 
     def __init__(
-        self, capacity: int, store: Store, wake: Callable[[SessionRecord], Session]
+        self,
+        capacity: int,
+        store: Store,
+        wake: Callable[[SessionRecord], Session],
+        clock: Callable[[], float],
     ) -> None:
         self._capacity, self._store, self._wake = capacity, store, wake
+        self._clock = clock
         self._lock = threading.Lock()
         self._waking: dict[str, threading.Lock] = {}
         self._asleep = {record.name: record for record in store.sessions()}
         self._awake: dict[str, Session] = {}
         self._opening = 0
+        self._used_s = dict.fromkeys(self._asleep, clock())
 
     def admit(self, keep: Callable[[], Session]) -> Session:
         """Add the session that a function has kept in the store, if there is room."""
@@ -41,6 +49,7 @@ class SessionTable:
             self._opening += 1
         try:
             session = keep()
+            self._used_s[session.name] = self._clock()
             self._awake[session.name] = session
         finally:
             with self._lock:
@@ -55,6 +64,8 @@ class SessionTable:
         SessionNotFoundError
             If there is none.
         """
+        if name in self._used_s:
+            self._used_s[name] = self._clock()
         if (awake := self._awake.get(name)) is not None:
             return awake
         with self._lock:
@@ -91,6 +102,30 @@ class SessionTable:
         """Forget all sessions of a site that is no more."""
         self._forget(self.of_site(site))
 
+    def tidy(self, sleep_s: float, expiry_s: float) -> list[str]:
+        """Let idle sessions sleep, close those that are idle for too long, and name them.
+
+        Parameters
+        ----------
+        sleep_s, expiry_s : float
+            How long they are idle, seconds.
+
+        Returns
+        -------
+        list of str
+            Those that were closed.
+        """
+        now_s = self._clock()
+        idle_s = {name: now_s - used_s for name, used_s in list(self._used_s.items())}
+        expired = [name for name, idle in idle_s.items() if idle >= expiry_s]
+        for name in expired:
+            self.close(name)
+        for name, session in list(self._awake.items()):
+            if idle_s.get(name, 0.0) >= sleep_s and session.rest():
+                self._asleep[name] = session.record
+                self._awake.pop(name, None)
+        return expired
+
     def sites(self) -> list[str]:
         """Return the name of the site of each session."""
         awake = [session.site.name for session in self._awake.values()]
@@ -109,6 +144,12 @@ class SessionTable:
             for name in names:
                 self._awake.pop(name, None)
                 self._asleep.pop(name, None)
+                self._used_s.pop(name, None)
+
+    @property
+    def awake(self) -> int:
+        """How many are in memory."""
+        return len(self._awake)
 
     def __len__(self) -> int:
-        return len(self._awake) + len(self._asleep)
+        return len(self._used_s)

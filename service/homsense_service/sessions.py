@@ -44,6 +44,10 @@ class Means(NamedTuple):
     watch: Watch
 
 
+class RestingError(Exception):
+    """The session has left the memory in between; it is to be asked for again."""
+
+
 class Session:
     """One device's run on a site.
 
@@ -71,6 +75,7 @@ class Session:
         self.seed = int(record.document["seed"])
         self._store, self._means = means.store, means
         self._lock = threading.Lock()
+        self._is_resting = False
         self._begun = self._course = course
         self._snapshot_at = 0
         self._fingerprints: OrderedDict[int, bytes] = OrderedDict()
@@ -122,11 +127,14 @@ class Session:
             steps is applied.
         StoreError
             If the steps cannot be kept; then none is applied.
+        RestingError
+            If it has left the memory.
         """
         ordered = sorted(steps, key=lambda step: step.seq)
         given = {step.seq: fingerprint(step) for step in ordered}
         last = ordered[-1].seq
         with self._lock:
+            self._check_awake()
             self._check(ordered, given)
             if last <= self.fix.seq:
                 return self._answer_again(last, answer)
@@ -156,6 +164,7 @@ class Session:
     def migrate(self, run: Run, document: dict[str, Any], artifacts: Artifacts) -> None:
         """Go on with another map: particles stay, those that it has no room for lose weight."""
         with self._lock:
+            self._check_awake()
             if run.map_version.digest == self.run.map_version.digest:
                 return
             course = self._course.moved(run)
@@ -163,6 +172,18 @@ class Session:
             self._store.journal(self.name, [event], artifacts=artifacts)
             self._course = course
             self._answers.clear()
+
+    def rest(self) -> bool:
+        """Leave the memory, unless it is at work; the journal has everything."""
+        if not self._lock.acquire(blocking=False):
+            return False
+        self._is_resting = True
+        self._lock.release()
+        return True
+
+    def _check_awake(self) -> None:
+        if self._is_resting:
+            raise RestingError
 
     def replayed_from_start(self) -> Course:
         """Return what the journal alone leads to."""

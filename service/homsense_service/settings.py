@@ -47,6 +47,17 @@ class Settings(BaseSettings):
         description="What counts holes: numba once it is compiled, the reference, or numba only.",
     )
     max_sessions: int = Field(default=1000, ge=1, description="Live sessions at once.")
+    session_sleep_s: float = Field(
+        default=600.0,
+        gt=0.0,
+        description="A session that is idle for so long leaves the memory, seconds; it wakes "
+        "when it is asked for.",
+    )
+    session_expiry_s: float = Field(
+        default=604_800.0,
+        gt=0.0,
+        description="A session that is idle for so long, or since the start, is closed, seconds.",
+    )
     expectation_scans: int = Field(
         default=50, ge=1, description="Scans from which on counts are expected by simulation."
     )

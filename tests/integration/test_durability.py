@@ -12,10 +12,14 @@ from fastapi.testclient import TestClient
 from homsense_service import sites
 from homsense_service.app import create_app
 from homsense_service.records import NumberedScan, StoredReading
+from homsense_service.runs import Step
+from homsense_service.sessions import RestingError
 from homsense_service.settings import Settings
 from homsense_service.store import SqliteStore
 from support.builders import SITE_MAP, feature, local_map, square
 from support.corridors import Building
+
+from homsense import Delta
 
 YARD = "/v1/sites/yard"
 RING = [["a", "b"], ["b", "c"], ["c", "d"], ["d", "a"]]
@@ -395,3 +399,34 @@ def test_a_full_disk_refuses_and_loses_nothing(service: Restarting) -> None:
     api = service.restart()
     assert api.get(f"/v1/sessions/{session}/pose").json() == after
     assert api.get(f"{YARD}/complex").json()["observations"] == 504
+
+
+def test_idle_sessions_leave_the_memory_and_wake_as_they_were(service: Restarting) -> None:
+    now = [1000.0]
+    operations = service.api.app.state.operations  # type: ignore[attr-defined]
+    operations.sessions._clock = lambda: now[0]
+    first, second = opened(service), opened(service)
+    before = service.run(first, 1, 5)
+    now[0] += 500.0
+    service.run(second, 1, 5)
+    resting = operations.sessions.get(second)
+    now[0] += 200.0
+    assert operations.tidy() == []
+    assert operations.sessions.awake == 1
+    assert len(operations.sessions) == 2
+    assert service.api.get(f"/v1/sessions/{first}/pose").json() == before
+    assert operations.sessions.awake == 2
+    now[0] += 700.0
+    operations.tidy()
+    assert operations.sessions.awake == 0
+    with pytest.raises(RestingError):
+        resting.apply([Step(6, None, Delta())], lambda fix: fix.seq, lambda _: None)
+    assert service.run(second, 6, 1)["seq"] == 6
+    now[0] += 604_000.0
+    service.run(second, 7, 1)
+    now[0] += 1000.0
+    assert operations.tidy() == [first]
+    assert service.api.get(f"/v1/sessions/{first}/pose").status_code == 404
+    assert service.api.get("/v1/sites/yard/sessions").json()["sessions"] == [second]
+    api = service.restart()
+    assert api.get("/v1/info").json()["sessions"] == 1
