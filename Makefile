@@ -56,6 +56,8 @@ proof: $(READY) ## slow proof: exactness, calibration, recovery, demos, 200 kill
 
 bench: $(READY) .venv-peers/.ready ## compare with peers in the same run; writes docs/performance.md
 	$(BIN)/python benchmarks/performance.py
+	$(BIN)/python benchmarks/load.py
+	$(BIN)/python benchmarks/startup.py
 
 format: $(READY) ## format and mend what can be mended
 	$(BIN)/ruff format .

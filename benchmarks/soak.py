@@ -16,7 +16,7 @@ from statistics import mean
 
 import httpx
 from kill_storm import RING
-from load import serving
+from load import resident_kib, serving
 
 LIVE, PARTICLES, GROWN = 40, 2000, 1.05
 
@@ -36,7 +36,7 @@ def main() -> int:
             thread.start()
         for _ in range(max(3, round(given.minutes * 2))):
             time.sleep(30.0 * min(1.0, given.minutes))
-            samples.append(resident_mib(pid))
+            samples.append(resident_kib(pid) / 1024)
         over.set()
         for thread in threads:
             thread.join()
@@ -122,12 +122,6 @@ class Work:
                         if line.startswith("data: "):
                             json.loads(line.removeprefix("data: "))
                 self.read += 1
-
-
-def resident_mib(pid: int) -> float:
-    """Return the resident memory of a process, MiB."""
-    fields = Path(f"/proc/{pid}/statm").read_text().split()
-    return int(fields[1]) * 4096 / 2**20
 
 
 if __name__ == "__main__":

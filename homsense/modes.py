@@ -216,18 +216,23 @@ def modes(found: Moments, corner: FloatArray) -> tuple[Mode, ...]:
     accuracy = found.radius_m * np.minimum(needed / (RADIUS_BINS - 1), 1.0)
     variance = np.stack([xx - x * x, xy - x * y, xy - x * y, yy - y * y], axis=1)
     variance[:, [0, 3]] = np.maximum(variance[:, [0, 3]], 0.0)
+    order = np.argsort(-mass, kind="stable")
+    order = order[mass[order] > 0.0]
+    covariance = variance.reshape(-1, 2, 2)
+    columns = (
+        mass / total,
+        x + corner[0],
+        y + corner[1],
+        np.arctan2(sin, cos),
+        np.minimum(1.0, np.hypot(sin, cos)),
+        accuracy,
+    )
+    rows = np.stack(columns, axis=1)[order].tolist()
     return tuple(
-        Mode(
-            weight=float(mass[mode] / total),
-            x_m=float(x[mode] + corner[0]),
-            y_m=float(y[mode] + corner[1]),
-            covariance=variance[mode].reshape(2, 2),
-            heading_rad=float(np.arctan2(sin[mode], cos[mode])),
-            resultant=float(min(1.0, np.hypot(sin[mode], cos[mode]))),
-            accuracy_m=float(accuracy[mode]),
+        Mode(weight, east, north, covariance[mode], heading, resultant, accuracy_m)
+        for mode, (weight, east, north, heading, resultant, accuracy_m) in zip(
+            order, rows, strict=True
         )
-        for mode in np.argsort(-mass, kind="stable")
-        if mass[mode] > 0.0
     )
 
 

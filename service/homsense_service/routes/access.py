@@ -19,17 +19,17 @@ SiteParam = Annotated[str, Path(pattern=NAME, description="Name of the site.")]
 SessionParam = Annotated[str, Path(max_length=64, description="Identifier of the session.")]
 
 
-def _operations(request: Request) -> Operations:
+async def _operations(request: Request) -> Operations:
     operations: Operations = request.app.state.operations
     return operations
 
 
-def _metrics(request: Request) -> Metrics:
+async def _metrics(request: Request) -> Metrics:
     metrics: Metrics = request.app.state.metrics
     return metrics
 
 
-def _keys(request: Request) -> KeyRing:
+async def _keys(request: Request) -> KeyRing:
     keys: KeyRing = request.app.state.keys
     return keys
 
@@ -37,7 +37,7 @@ def _keys(request: Request) -> KeyRing:
 KeysDep = Annotated[KeyRing, Depends(_keys)]
 
 
-def _streams(request: Request) -> Streams:
+async def _streams(request: Request) -> Streams:
     streams: Streams = request.app.state.streams
     return streams
 
@@ -47,7 +47,7 @@ OperationsDep = Annotated[Operations, Depends(_operations)]
 MetricsDep = Annotated[Metrics, Depends(_metrics)]
 
 
-def caller_of(connection: HTTPConnection) -> Caller:
+async def caller_of(connection: HTTPConnection) -> Caller:
     """Return who calls, once that has been found out."""
     caller: Caller = connection.state.caller
     return caller

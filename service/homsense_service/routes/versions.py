@@ -16,7 +16,7 @@ def tagged(version: str) -> str:
     return f'"{version}"'
 
 
-def expected(
+async def expected(
     if_match: Annotated[str | None, Header(description=_HINT, max_length=2000)] = None,
     if_none_match: Annotated[str | None, Header(description=_HINT, max_length=2000)] = None,
 ) -> Expected:
