@@ -69,14 +69,15 @@ def to_bytes(digested: Digested) -> bytes:
         return entries
 
     plain = to_plain(version.epochs)
+    suspects, quarantine = version.doubts
     document = {
         "epochs": {str(epoch): kept(parts) for epoch, parts in plain.epochs.items()},
         "merged": None if len(plain.epochs) == 1 else kept(plain.merged),
         "number": version.number,
         "devices": sorted(version.devices),
+        "suspects": None if suspects is None else sorted(suspects),
         "quarantine": [
-            [found.landmark, found.hops_apart, found.here, found.there]
-            for found in version.quarantine
+            [found.landmark, found.hops_apart, found.here, found.there] for found in quarantine
         ],
         "sample": [[key.hex(), sorted(seen)] for key, seen in digested.sample.items()],
         "tracked": digested.tracked,
@@ -104,7 +105,7 @@ def from_bytes(body: bytes, generation: int, engine: Engine) -> Digested:
         document["number"],
         frozenset(document["devices"]),
         generation,
-        frozenset(),
+        None if document["suspects"] is None else frozenset(document["suspects"]),
         tuple(
             homsense.Displaced(landmark, apart, tuple(here), tuple(there))
             for landmark, apart, here, there in document["quarantine"]

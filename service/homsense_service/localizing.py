@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from typing import Any
 
 import homsense
-from homsense.likelihood import CodeLikelihood
 from homsense_service import schemas
 from homsense_service.archive import (
     Archive,
@@ -49,14 +48,12 @@ def localizing(
     """
     reachable = site.reachable(version, wall_tolerance_m)
     config = request.to_localizer_config(version.free_space.grid.cell_m, sensor)
-    found: homsense.Likelihood | None = None
-    if sensor.hops:
-        found = CodeLikelihood(site.code_map(reachable, sensor.heights), config.noise)
-    if sensor.registered is not None:
-        place = sensor.registered.likelihood
-        found = place if found is None else homsense.JointLikelihood(place, found)
     localizer = homsense.Localizer(
-        version.site_map, (), config, free_space=reachable, likelihood=found
+        version.site_map,
+        (),
+        config,
+        free_space=reachable,
+        likelihood=site.likelihood(reachable, sensor, config.noise),
     )
     return Run(version, wall_tolerance_m, sensor, localizer)
 

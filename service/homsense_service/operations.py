@@ -1,6 +1,7 @@
 """What the service does. Every rim parses, calls one of these, and renders the answer."""
 
 import secrets
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -31,6 +32,7 @@ from homsense_service.watching import Watch, unwatched
 Answer = TypeVar("Answer")
 
 HELPFUL_BITS = 0.5
+AT_ONCE = 1
 _MOST_IN_VIEW = 60.0
 
 
@@ -92,6 +94,7 @@ class Operations:
         self.sites, self._store, self._settings = sites, store, settings
         self._clock, self._backend = clock, backend
         self.watch: Watch = unwatched
+        self._turn = threading.Semaphore(AT_ONCE)
         self._archive = Archive(store.artifact)
         secret = settings.hash_key
         self._names = Pseudonyms(None if secret is None else secret.get_secret_value().encode())
@@ -286,7 +289,7 @@ class Operations:
         def restore(document: dict[str, Any]) -> Run:
             return restored(document, site, request, self._archive)
 
-        means = Means(self._store, restore, self._backend, self.watch)
+        means = Means(self._store, restore, self._backend, self.watch, self._turn)
         return Session(record, site, course, means)
 
     def register(self, name: str) -> Registering:

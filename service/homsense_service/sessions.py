@@ -3,13 +3,14 @@
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Iterable
+from contextlib import AbstractContextManager
 from typing import Any, NamedTuple, TypeVar
 
 from homsense.backend import Backend
 from homsense_service import journaling
 from homsense_service.errors import SequenceConflictError, StoreError
 from homsense_service.journaling import Moved, fingerprint
-from homsense_service.records import Event, SessionRecord, StoredScan
+from homsense_service.records import Event, SessionRecord, Snapshot, StoredScan
 from homsense_service.runs import Course, Fix, Run, Step
 from homsense_service.site import Site
 from homsense_service.store import Artifacts, Committed, Store
@@ -36,12 +37,15 @@ class Means(NamedTuple):
         Returns what runs the filter now.
     watch : callable
         Takes the time of a stage.
+    turn : context manager
+        Lets so many sessions calculate at once as is good for all.
     """
 
     store: Store
     restore: Restore
     backend: Callable[[], Backend]
     watch: Watch
+    turn: AbstractContextManager[object]
 
 
 class RestingError(Exception):
@@ -76,7 +80,8 @@ class Session:
         self._store, self._means = means.store, means
         self._lock = threading.Lock()
         self._is_resting = False
-        self._begun = self._course = course
+        self._course = course
+        self._first_run = course.fix.run
         self._snapshot_at = 0
         self._fingerprints: OrderedDict[int, bytes] = OrderedDict()
         self._answers: OrderedDict[int, Any] = OrderedDict()
@@ -139,16 +144,17 @@ class Session:
             if last <= self.fix.seq:
                 return self._answer_again(last, answer)
             course, events, scans = self._course, list[Event](), list[StoredScan]()
-            for step in ordered:
-                if step.seq <= course.fix.seq:
-                    continue
-                course = self._onward(course, step)
-                events.append(
-                    journaling.taken(course, step, given[step.seq], told=step.seq == last)
-                )
-                if self.contributes and step.readings:
-                    scans.append(self._scan(course, step))
-            made = answer(course.fix)
+            with self._means.turn:
+                for step in ordered:
+                    if step.seq <= course.fix.seq:
+                        continue
+                    course = self._onward(course, step)
+                    events.append(
+                        journaling.taken(course, step, given[step.seq], told=step.seq == last)
+                    )
+                    if self.contributes and step.readings:
+                        scans.append(self._scan(course, step))
+                made = answer(course.fix)
             added = (self.site.name, scans, committed) if scans else None
             self._store.journal(self.name, events, scans=added)
             self._course = course
@@ -227,28 +233,17 @@ class Session:
         with self._means.watch("filter"):
             return course.onward(step, measured, self._means.backend)
 
-    def _replayed(self, snapshots: Iterable[Any], through_seq: int | None = None) -> Course:
+    def _replayed(self, snapshots: Iterable[Snapshot], through_seq: int | None = None) -> Course:
         """Return the course after a step, or after all events, from the latest snapshot before."""
-        runs = {0: self._begun.fix.run}
-        for event in self._store.events(self.name):
-            if not event.fingerprint:
-                found = journaling.read(event)
-                assert isinstance(found, Moved)
-                runs[event.number] = self._means.restore(found.run)
-        course = self._begun
-        for kept in snapshots:
-            of = max(number for number in runs if number <= kept.number)
-            resumed = journaling.resumed(kept, runs[of])
-            if resumed is not None and (through_seq is None or resumed.fix.seq <= through_seq):
-                course = resumed
-                break
+        runs = self._runs()
+        course = self._latest(snapshots, runs, through_seq)
         for event in self._store.events(self.name, course.number):
             if through_seq is not None and course.fix.seq >= through_seq:
                 break
-            found = journaling.read(event)
             if event.number != course.number + 1:
                 message = f"session {self.name}: event {course.number + 1} is missing"
                 raise StoreError(message)
+            found = journaling.read(event)
             if isinstance(found, Moved):
                 course = course.moved(runs[event.number])
                 continue
@@ -257,6 +252,27 @@ class Session:
                 message = f"session {self.name} does not replay: step {event.seq} differs"
                 raise StoreError(message)
         return course
+
+    def _runs(self) -> dict[int, Run]:
+        """Return what the session has localized with, by the event from which on."""
+        runs = {0: self._first_run}
+        for event in self._store.events(self.name):
+            if not event.fingerprint:
+                moved = journaling.read(event)
+                assert isinstance(moved, Moved)
+                runs[event.number] = self._means.restore(moved.run)
+        return runs
+
+    def _latest(
+        self, snapshots: Iterable[Snapshot], runs: dict[int, Run], through_seq: int | None
+    ) -> Course:
+        """Return the latest snapshot that is sound and not beyond a step, or the start."""
+        for kept in snapshots:
+            run = runs[max(number for number in runs if number <= kept.number)]
+            course = journaling.resumed(kept, run)
+            if course is not None and (through_seq is None or course.fix.seq <= through_seq):
+                return course
+        return Course.begun(self._first_run, self.seed)
 
     def _scan(self, course: Course, step: Step) -> StoredScan:
         """Return the scan of a step, at the place that the device's own motion says."""

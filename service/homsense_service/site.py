@@ -23,6 +23,7 @@ from homsense_service.versions import ComplexVersion, MapVersion
 
 _SENSE_CACHE = 4096
 _COUNTED = 200
+_LIKELIHOODS = 16
 
 
 class Site:
@@ -59,6 +60,9 @@ class Site:
         self._inbox: deque[NumberedScan] = deque()
         self._codes: tuple[tuple[homsense.HeightMap, ...], homsense.CodeMap] | None = None
         self._reachable: tuple[MapVersion, float, homsense.FreeSpace] | None = None
+        self._likelihoods: OrderedDict[
+            tuple[object, ...], tuple[object, object, homsense.Likelihood | None]
+        ] = OrderedDict()
         self._caching = threading.Lock()
         self._deriving = threading.Lock()
 
@@ -133,9 +137,7 @@ class Site:
         grown = kept.with_observations(seen)
         depth = self.config.quorum
         changed = grown.merged.level(depth) is not before.merged.level(depth)
-        known, suspects = now.before, now.suspects
-        if now.is_looked_through:
-            known, suspects = now.quarantine, frozenset()
+        suspects, known = now.doubts
         if changed and self.config.quarantine:
             more = suspects is not None and kept is before
             suspects = suspects.union(*observations) if more and suspects is not None else None
@@ -304,6 +306,31 @@ class Site:
             if known is None or known[0] != heights or known[1].free_space is not reachable:
                 self._codes = known = heights, homsense.CodeMap.of(reachable, heights)
             return known[1]
+
+    def likelihood(
+        self, reachable: homsense.FreeSpace, sensor: Sensor, noise: homsense.Noise
+    ) -> homsense.Likelihood | None:
+        """Return what weighs the measurements of a sensor, one for all who measure alike."""
+        key = (id(reachable), tuple(map(id, sensor.heights)), noise, id(sensor.registered))
+        known = self._likelihoods.get(key)
+        if known is None:
+            known = reachable, sensor, self._likelihood(reachable, sensor, noise)
+            with self._caching:
+                self._likelihoods[key] = known
+                while len(self._likelihoods) > _LIKELIHOODS:
+                    self._likelihoods.popitem(last=False)
+        return known[2]
+
+    def _likelihood(
+        self, reachable: homsense.FreeSpace, sensor: Sensor, noise: homsense.Noise
+    ) -> homsense.Likelihood | None:
+        counting = None
+        if sensor.hops:
+            counting = CodeLikelihood(self.code_map(reachable, sensor.heights), noise)
+        if sensor.registered is None:
+            return counting
+        place = sensor.registered.likelihood
+        return place if counting is None else homsense.JointLikelihood(place, counting)
 
     def reachable(
         self, version: MapVersion, tolerance_m: float | None = None

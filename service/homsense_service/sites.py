@@ -21,7 +21,7 @@ from homsense_service.store import Store
 from homsense_service.versions import ComplexVersion, MapVersion, WitnessCheck
 from homsense_service.watching import Watch, unwatched
 
-_LEAST_TAIL, _LONGEST_TAIL = 500, 20_000
+_LEAST_TAIL, _LONGEST_TAIL = 2000, 20_000
 _CHUNK = 5000
 
 

@@ -79,9 +79,11 @@ class ComplexVersion:
         return tuple(homsense.displaced(self.landmark_complex, looked_at))
 
     @property
-    def is_looked_through(self) -> bool:
-        """Whether the quarantine has been asked for, or is as before."""
-        return "quarantine" in self.__dict__ or self.suspects == frozenset()
+    def doubts(self) -> tuple[frozenset[str] | None, tuple[homsense.Displaced, ...]]:
+        """What is still to be looked at, and the quarantine before that: for the next version."""
+        if "quarantine" in self.__dict__:
+            return frozenset(), self.quarantine
+        return self.suspects, self.before
 
     @property
     def filtration(self) -> homsense.WitnessFiltration:
