@@ -19,6 +19,9 @@ FAILED, MISUSE = 1, 2
 TABLE_WIDTH = 136
 
 SeedOption = Annotated[int, typer.Option(min=0, help="Decides world, paths and noise.")]
+KeyOption = Annotated[
+    str | None, typer.Option(envvar="HOMSENSE_KEY", help="An API key of the service.")
+]
 OutOption = Annotated[Path, typer.Option(file_okay=False, help="Directory for the results.")]
 
 
@@ -60,6 +63,7 @@ def figures(
 @app.command()
 def fleet(
     url: Annotated[str, typer.Option(help="The service.")] = "http://127.0.0.1:8080",
+    key: KeyOption = None,
     site: Annotated[str, typer.Option(help="Name of the site.")] = "downtown-44",
     map_file: Annotated[
         Path | None,
@@ -88,7 +92,7 @@ def fleet(
         world = world_from_geojson(
             read_map(map_file, window_m), seed, n_transmitters=transmitters, radio=radio, name=site
         )
-    run_fleet(url, site, world, Crowd(seed, phones, scans), Console())
+    run_fleet(url, site, world, Crowd(seed, phones, scans), Console(), key=key)
 
 
 @app.command()
@@ -116,12 +120,13 @@ def replay(
 def doctor(
     site: Annotated[str, typer.Argument(help="A site with a map and scans.")],
     url: Annotated[str, typer.Option(help="The service.")] = "http://127.0.0.1:8080",
+    key: KeyOption = None,
     apply: Annotated[bool, typer.Option(help="Set what it advises.")] = False,
 ) -> None:
     """Tell whether counting holes helps on a site, why, and what could be set."""
     from homsense_cli.doctor import run_doctor
 
-    run_doctor(url, site, Console(), apply=apply)
+    run_doctor(url, site, Console(), key=key, apply=apply)
 
 
 keys = typer.Typer(

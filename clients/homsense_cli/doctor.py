@@ -9,7 +9,9 @@ from homsense_cli.demo_run import learn
 _MARKS = {"good": "green", "doubtful": "yellow", "bad": "red"}
 
 
-def run_doctor(url: str, site: str, console: Console, *, apply: bool = False) -> Diagnosis:
+def run_doctor(
+    url: str, site: str, console: Console, *, key: str | None = None, apply: bool = False
+) -> Diagnosis:
     """Let a site of a running service judge itself, and print its findings.
 
     Parameters
@@ -20,6 +22,8 @@ def run_doctor(url: str, site: str, console: Console, *, apply: bool = False) ->
         A site with a map and scans.
     console : rich.console.Console
         Where progress and findings go.
+    key : str, optional
+        An API key of the service.
     apply : bool, default False
         Whether to set what it advises.
 
@@ -28,7 +32,7 @@ def run_doctor(url: str, site: str, console: Console, *, apply: bool = False) ->
     Diagnosis
         What was printed.
     """
-    with Client(url, timeout_s=300.0) as client:
+    with Client(url, key=key, timeout_s=300.0) as client:
         with Progress(console=console, transient=True) as bars:
             task = bars.add_task("the site learns its radio")
             learn(client, site, lambda done, of: bars.update(task, completed=done, total=of))

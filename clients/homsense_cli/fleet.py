@@ -9,7 +9,9 @@ from rich.progress import Progress
 from homsense_cli.demo_run import map_world, prepare_site
 
 
-def run_fleet(url: str, site: str, world: World, crowd: Crowd, console: Console) -> Complex:
+def run_fleet(
+    url: str, site: str, world: World, crowd: Crowd, console: Console, *, key: str | None = None
+) -> Complex:
     """Create a site for a world, let phones map it, and print what became of it.
 
     Parameters
@@ -24,13 +26,15 @@ def run_fleet(url: str, site: str, world: World, crowd: Crowd, console: Console)
         The phones.
     console : rich.console.Console
         Where progress goes.
+    key : str, optional
+        An API key of the service.
 
     Returns
     -------
     Complex
         The landmark complex.
     """
-    with Client(url, timeout_s=120.0) as client, Progress(console=console) as bars:
+    with Client(url, key=key, timeout_s=120.0) as client, Progress(console=console) as bars:
         prepare_site(client, site, world)
         total = crowd.phones * crowd.scans_each
         task = bars.add_task(f"{crowd.phones} phones post scans", total=total)

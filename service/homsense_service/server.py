@@ -51,6 +51,7 @@ def serve(settings: Settings) -> None:
     config = uvicorn.Config(
         app,
         log_config=None,
+        server_header=False,
         timeout_graceful_shutdown=3,
     )
     _Server(config, app).run(sockets=[listening])

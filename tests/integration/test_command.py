@@ -11,9 +11,10 @@ from pathlib import Path
 import pytest
 from homsense_cli import demo as demo_module
 from homsense_cli.__main__ import app
-from homsense_cli.local_service import local_service
+from homsense_cli.local_service import local_service, start
 from homsense_cli.recorded import crowd_scans, floor_names, read_floor, walk_events
 from homsense_cli.replay import Replay, run_replay
+from homsense_cli.stored import add_key
 from homsense_client import Client
 from rich.console import Console
 from support.builders import SITE_MAP
@@ -155,3 +156,15 @@ def test_the_fleet_runs_on_real_buildings(recordings: Path) -> None:
         result = runner.invoke(app, arguments)
     assert result.exit_code == 0, result.output
     assert "helsinki: " in result.output
+
+
+def test_commands_show_their_key(tmp_path: Path) -> None:
+    token = add_key(tmp_path, "reader", ["read"], None)
+    with start(tmp_path, engine="python") as url:
+        for environment, told in (({}, "key"), ({"HOMSENSE_KEY": token}, "no site")):
+            done = subprocess.run(
+                [sys.executable, "-m", "homsense_cli", "doctor", "nowhere", "--url", url],
+                check=False, capture_output=True, text=True, env={**os.environ, **environment},
+            )  # fmt: skip
+            assert done.returncode == 1
+            assert told in done.stderr

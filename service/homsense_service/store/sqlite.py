@@ -325,8 +325,11 @@ def _owned(path: Path) -> sqlite3.Connection:
     ownership = sqlite3.connect(path, check_same_thread=False, isolation_level=None, timeout=0.0)
     try:
         ownership.execute("BEGIN EXCLUSIVE")
-    except sqlite3.Error:
+    except sqlite3.OperationalError as error:
         ownership.close()
+        if error.sqlite_errorname == "SQLITE_BUSY":
+            message = "another process owns it"
+            raise OSError(message) from error
         raise
     return ownership
 
