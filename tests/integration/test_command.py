@@ -159,7 +159,7 @@ def test_the_fleet_runs_on_real_buildings(recordings: Path) -> None:
 
 
 def test_commands_show_their_key(tmp_path: Path) -> None:
-    token = add_key(tmp_path, "reader", ["read"], None)
+    token = add_key(tmp_path, "reader", ["read", "localize"], None)
     with start(tmp_path, engine="python") as url:
         for environment, told in (({}, "key"), ({"HOMSENSE_KEY": token}, "no site")):
             done = subprocess.run(

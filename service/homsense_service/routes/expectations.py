@@ -23,7 +23,7 @@ def get_expectation(site: SiteParam, operations: OperationsDep) -> schemas.Expec
 @router.post(
     "/expectation",
     status_code=202,
-    dependencies=[needs("admin")],
+    dependencies=[needs("localize")],
     summary="Simulate the sensor",
     responses=problems(404, 409, 422),
 )

@@ -34,7 +34,7 @@ def get_registration(
 @router.post(
     "/registration",
     status_code=202,
-    dependencies=[needs("admin")],
+    dependencies=[needs("localize")],
     summary="Place the crowd",
     responses=problems(404, 409, 422),
 )
