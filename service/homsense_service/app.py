@@ -14,7 +14,7 @@ from starlette.middleware.cors import CORSMiddleware
 
 from homsense_service import answers
 from homsense_service.bodies import BoundedBodies
-from homsense_service.errors import StoreError
+from homsense_service.errors import ServiceError
 from homsense_service.keys import KeyRing
 from homsense_service.limiting import BoundedConcurrency, RateLimit
 from homsense_service.manners import Manners
@@ -118,8 +118,8 @@ async def _tidy(operations: Operations, streams: Streams) -> None:
         try:
             for session in await run_in_threadpool(operations.tidy):
                 streams.end(session)
-        except StoreError:
-            _log.exception("idle sessions could not be closed")
+        except ServiceError:
+            _log.exception("old scans or idle sessions could not be forgotten")
 
 
 def _describe_problems(app: FastAPI) -> None:

@@ -117,7 +117,8 @@ class Operations:
         return self._clock()
 
     def tidy(self) -> list[str]:
-        """Let idle sessions sleep, close those idle for too long; return these."""
+        """Forget old scans; let idle sessions sleep, close those idle for too long, name these."""
+        self.sites.expire()
         return self.sessions.tidy(self._settings.session_sleep_s, self._settings.session_expiry_s)
 
     def known_keys(self) -> list[KeyRecord]:

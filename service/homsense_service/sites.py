@@ -146,8 +146,6 @@ class SiteRegistry:
             site.expecting.refresh(site.question())
         if site.map is not None and site.registering.current is not None:
             site.registering.refresh(self.crowd(site))
-        if self._has_expired(site):
-            self._builder.submit(self._expire, site)
         if self._is_due(site):
             self._checkpointed[site.name] = version.number
             self._builder.submit(self.keep_checkpoint, site)
@@ -161,10 +159,15 @@ class SiteRegistry:
                 self.rebuild(site)
         return deleted
 
-    def _expire(self, site: Site) -> None:
-        """Delete the scans that are older than all epochs that count."""
-        if self._store.expire_scans(site.name, self._expired[site.name]):
-            self.keep_checkpoint(site)
+    def expire(self) -> None:
+        """Forget the scans that are older than all epochs that count, in the logs too."""
+        for site in self.all():
+            if not self._has_expired(site):
+                continue
+            with site.writing:
+                site.catch_up(self._clock())
+            if self._store.expire_scans(site.name, self._expired[site.name]):
+                self.keep_checkpoint(site)
 
     def _has_expired(self, site: Site) -> bool:
         """Tell, once, that an epoch no longer counts."""

@@ -2,6 +2,7 @@
 
 import json
 import sqlite3
+import time
 from collections.abc import Callable, Iterator
 from importlib.resources import files
 from pathlib import Path
@@ -430,3 +431,22 @@ def test_idle_sessions_leave_the_memory_and_wake_as_they_were(service: Restartin
     assert service.api.get("/v1/sites/yard/sessions").json()["sessions"] == [second]
     api = service.restart()
     assert api.get("/v1/info").json()["sessions"] == 1
+
+
+def test_what_no_longer_counts_is_deleted_from_the_log(service: Restarting) -> None:
+    api, now = service.api, time.time()
+    api.put(YARD, json={"retention": {"epoch_days": 1.0, "epochs": 2}}).raise_for_status()
+    old = [scan(100 + n, f"old{n}", "a", observed_at=now - 20 * 86_400.0) for n in range(5)]
+    new = [scan(200 + n, f"new{n}", "a", observed_at=now) for n in range(5)]
+    api.post(f"{YARD}/scans", json={"scans": [*old, *new]}).raise_for_status()
+    before = api.get(f"{YARD}/complex").json()
+    api.app.state.operations.tidy()  # type: ignore[attr-defined]
+    logged = [entry.scan.scan_id for entry in service.store.scans("yard")]
+    assert logged == [entry["scan_id"] for entry in new]
+    api = service.restart()
+    after = api.get(f"{YARD}/complex").json()
+    assert after["digest"] == before["digest"]
+    assert after["version"] == before["version"]
+    with service.store._reading() as db:
+        kept = {name for (name,) in db.execute("SELECT name FROM landmark")}
+    assert kept == {"a", *(f"new{n}" for n in range(5))}
