@@ -23,8 +23,8 @@ from http import HTTPStatus
 from pathlib import Path
 from typing import Any
 
+from homsense_cli.local_service import free_port
 from homsense_service.store import SqliteStore
-from load import free_port
 
 import homsense
 

@@ -9,7 +9,6 @@ learns in the background is waited for; scans go to a site of their own.
 import http.client
 import json
 import os
-import socket
 import subprocess
 import sys
 import tempfile
@@ -23,6 +22,7 @@ from statistics import median
 from typing import Any, NamedTuple
 
 import numpy as np
+from homsense_cli.local_service import free_port
 from homsense_fleet.device import phone_scans
 from homsense_fleet.world import World, downtown_44
 
@@ -284,13 +284,6 @@ def wait_for(probe: Callable[[], Any]) -> None:
             return
     message = "no answer"
     raise TimeoutError(message)
-
-
-def free_port() -> int:
-    """Return a port that nobody listens on."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 if __name__ == "__main__":

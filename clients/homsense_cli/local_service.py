@@ -62,7 +62,7 @@ def start(data: Path, **settings: object) -> Iterator[str]:
     RuntimeError
         If it does not start.
     """
-    port = _free_port()
+    port = free_port()
     given = {"DATA": data, "PORT": port, **{k.upper(): v for k, v in settings.items()}}
     environment = {f"HOMSENSE_{name}": str(value) for name, value in given.items()}
     command = [sys.executable, "-m", "homsense_service"]
@@ -79,7 +79,8 @@ def start(data: Path, **settings: object) -> Iterator[str]:
             process.kill()
 
 
-def _free_port() -> int:
+def free_port() -> int:
+    """Return a port that nobody listens on."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])

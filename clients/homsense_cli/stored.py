@@ -42,8 +42,7 @@ def export_site(data: Path, site: str, out: Path) -> None:
     """
     with closing(SqliteStore(data)) as store:
         if site not in store.sites():
-            message = f"there is no site {site!r}"
-            raise SiteNotFoundError(message)
+            raise SiteNotFoundError(site)
         partial = out.with_name(f"{out.name}.partial")
         with partial.open("wb") as file:
             file.writelines(exported(store, site))

@@ -18,6 +18,7 @@ from homsense.grid import Grid
 from homsense.registered.place import BLOCK_M
 from homsense.registered.registration import Placement, Registration
 from homsense_service.bundles import bundled, unbundled
+from homsense_service.records import tupled
 from homsense_service.registering import Registered
 from homsense_service.sensors import Sensor
 from homsense_service.versions import MapVersion
@@ -137,7 +138,7 @@ def sensor_of(
         tuple(document["hops"]),
         document["expected"],
         tuple(archive.get(digest, _height) for digest in document["heights"]),
-        None if noise is None else homsense.FieldNoise(**_tupled(noise)),
+        None if noise is None else homsense.FieldNoise(**tupled(noise)),
         None
         if registered is None
         else archive.get(registered, lambda body: _registered(body, version, reachable)),
@@ -189,15 +190,6 @@ def _registered(body: bytes, version: MapVersion, reachable: homsense.FreeSpace)
     return Registered(
         version, document["scans"], crowd, likelihood, document["coverage"], (), nobody
     )
-
-
-def _tupled(fields: dict[str, Any]) -> dict[str, Any]:
-    """Return fields whose lists are tuples, as JSON has taken them for lists."""
-
-    def tupled(value: Any) -> Any:  # noqa: ANN401 - whatever JSON has
-        return tuple(map(tupled, value)) if isinstance(value, list) else value
-
-    return {name: tupled(value) for name, value in fields.items()}
 
 
 def map_bytes(version: MapVersion) -> bytes:

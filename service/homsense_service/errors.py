@@ -50,11 +50,29 @@ class CursorError(ServiceError):
 
 
 class SiteNotFoundError(ServiceError):
-    """No site has this name."""
+    """No site has this name, as far as the caller is concerned.
+
+    Parameters
+    ----------
+    site : str
+        The name.
+    """
+
+    def __init__(self, site: str) -> None:
+        super().__init__(f"there is no site {site!r}")
 
 
 class SessionNotFoundError(ServiceError):
-    """No session has this identifier; it may have been closed."""
+    """No session has this identifier, as far as the caller is concerned; it may be closed.
+
+    Parameters
+    ----------
+    session : str
+        The identifier.
+    """
+
+    def __init__(self, session: str) -> None:
+        super().__init__(f"there is no session {session!r}")
 
 
 class MapMissingError(ServiceError):

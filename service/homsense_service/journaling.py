@@ -76,12 +76,9 @@ def taken(course: Course, step: Step, given: bytes, *, told: bool) -> Event:
     Event
         For the journal.
     """
-    fix, measured = course.fix, course.fix.measured
-    worth = None
-    if measured is not None:
-        worth = [measured.holes, measured.sighting]
+    fix = course.fix
     digest = fix.digest if told else None
-    body = json.dumps([step.t, _motion_document(step.motion), worth, digest])
+    body = json.dumps([step.t, _motion_document(step.motion), _worth(fix.measured), digest])
     return Event(course.number, step.seq, given, body.encode())
 
 
@@ -103,8 +100,7 @@ def read(event: Event) -> Taken | Moved:
         if not event.fingerprint:
             return Moved(found)
         t, motion, worth, digest = found
-        measured = None if worth is None else _measured(*worth)
-        return Taken(Step(event.seq, t, _motion(motion)), measured, digest)
+        return Taken(Step(event.seq, t, _motion(motion)), _measured(worth), digest)
     except (ValueError, TypeError, KeyError) as error:
         message = f"event {event.number} of the journal is damaged: {error}"
         raise StoreError(message) from error
@@ -113,11 +109,10 @@ def read(event: Event) -> Taken | Moved:
 def snapshot(course: Course) -> Snapshot:
     """Return the state of a session for the store."""
     fix, state = course.fix, course.fix.state
-    measured = fix.measured
     document = {
         "seq": fix.seq,
         "t": fix.t,
-        "measured": None if measured is None else [measured.holes, measured.sighting],
+        "measured": _worth(fix.measured),
         "seed": state.seed,
         "tick": state.tick,
         "travel": state.travel,
@@ -154,8 +149,7 @@ def resumed(kept: Snapshot, run: Run) -> Course | None:
             homsense.Travel(*document["travel"]),
             Doubt(*document["doubt"]),
         )
-        worth = document["measured"]
-        measured = None if worth is None else _measured(*worth)
+        measured = _measured(document["measured"])
         fix = Fix(document["seq"], document["t"], measured, state, run)
         own_motion = OwnMotion(homsense.Velocity(*document["velocity"]), document["heading_rad"])
         track = homsense.Travel(*document["track"])
@@ -191,7 +185,14 @@ def _motion(document: list[Any]) -> Motion:
     return tuple(homsense.ImuSample(*sample) for sample in rest)
 
 
-def _measured(holes: list[float] | None, sighting: list[list[int]] | None) -> Measured:
+def _worth(measured: Measured | None) -> list[Any] | None:
+    return None if measured is None else [measured.holes, measured.sighting]
+
+
+def _measured(worth: list[Any] | None) -> Measured | None:
+    if worth is None:
+        return None
+    holes, sighting = worth
     return Measured(
         None if holes is None else tuple(holes),
         None if sighting is None else homsense.Sighting(*map(tuple, sighting)),

@@ -64,7 +64,7 @@ class KeyRing:
     """
 
     def __init__(self, records: Iterable[KeyRecord]) -> None:
-        self._records = {record.name: record for record in records}
+        self.replace(records)
 
     def __len__(self) -> int:
         return len(self._records)

@@ -1,15 +1,24 @@
 """What the store keeps; plain values between the store and the sites."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 NEAR_AND_FAR = (2, 3)
 
 
-def config_of(fields: dict[str, Any]) -> "SiteConfig":
+def tupled(fields: Mapping[str, Any]) -> dict[str, Any]:
+    """Return fields whose lists are tuples, as JSON has taken them for lists."""
+
+    def as_tuple(value: Any) -> Any:  # noqa: ANN401 - whatever JSON has
+        return tuple(map(as_tuple, value)) if isinstance(value, list) else value
+
+    return {name: as_tuple(value) for name, value in fields.items()}
+
+
+def config_of(fields: Mapping[str, Any]) -> "SiteConfig":
     """Return the configuration that JSON tells of."""
-    listed = {name: tuple(value) for name, value in fields.items() if isinstance(value, list)}
-    return SiteConfig(**{**fields, **listed})
+    return SiteConfig(**tupled(fields))
 
 
 @dataclass(frozen=True, slots=True)

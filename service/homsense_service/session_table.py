@@ -80,8 +80,7 @@ class SessionTable:
         try:
             return self._awake[name]
         except KeyError:
-            message = f"there is no session {name!r}"
-            raise SessionNotFoundError(message) from None
+            raise SessionNotFoundError(name) from None
 
     def site_of(self, name: str) -> str:
         """Return the name of the site of a session, without waking it."""
@@ -89,8 +88,7 @@ class SessionTable:
             return awake.site.name
         if (asleep := self._asleep.get(name)) is not None:
             return asleep.site
-        message = f"there is no session {name!r}"
-        raise SessionNotFoundError(message)
+        raise SessionNotFoundError(name)
 
     def close(self, name: str) -> None:
         """Forget a session."""

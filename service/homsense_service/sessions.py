@@ -256,11 +256,10 @@ class Session:
     def _runs(self) -> dict[int, Run]:
         """Return what the session has localized with, by the event from which on."""
         runs = {0: self._first_run}
-        for event in self._store.events(self.name):
-            if not event.fingerprint:
-                moved = journaling.read(event)
-                assert isinstance(moved, Moved)
-                runs[event.number] = self._means.restore(moved.run)
+        for event in self._store.moves(self.name):
+            moved = journaling.read(event)
+            assert isinstance(moved, Moved)
+            runs[event.number] = self._means.restore(moved.run)
         return runs
 
     def _latest(

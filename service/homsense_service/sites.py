@@ -82,8 +82,7 @@ class SiteRegistry:
         try:
             return self._sites[name]
         except KeyError:
-            message = f"there is no site {name!r}"
-            raise SiteNotFoundError(message) from None
+            raise SiteNotFoundError(name) from None
 
     def close(self) -> None:
         """Stop what goes on in the background."""

@@ -83,14 +83,12 @@ def admit(connection: HTTPConnection, scope: Scope) -> None:
     parameters = connection.path_params
     site = parameters.get("site")
     if site is not None and not caller.sees(site):
-        message = f"there is no site {site!r}"
-        raise SiteNotFoundError(message)
+        raise SiteNotFoundError(site)
     session = parameters.get("session")
     if session is not None and caller.sites is not None:
         operations: Operations = connection.app.state.operations
         if not caller.sees(operations.sessions.site_of(session)):
-            message = f"there is no session {session!r}"
-            raise SessionNotFoundError(message)
+            raise SessionNotFoundError(session)
     caller.check(scope)
 
 

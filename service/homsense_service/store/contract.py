@@ -104,6 +104,10 @@ class Store(Protocol):
         """Yield the events of a session from behind a number."""
         ...
 
+    def moves(self, session: str) -> list[Event]:
+        """Return the events of a session that are moves to other maps."""
+        ...
+
     def fingerprints(self, session: str, first: int, last: int) -> dict[int, bytes]:
         """Return by which content the steps of a range of sequence numbers are known."""
         ...

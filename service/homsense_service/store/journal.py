@@ -16,8 +16,7 @@ def session_number(connection: sqlite3.Connection, session: str) -> int:
     """Return the number of a session or raise `SessionNotFoundError`."""
     row = connection.execute("SELECT number FROM session WHERE name = ?", (session,)).fetchone()
     if row is None:
-        message = f"there is no session {session!r}"
-        raise SessionNotFoundError(message)
+        raise SessionNotFoundError(session)
     return int(row[0])
 
 
@@ -85,6 +84,16 @@ def events(connection: sqlite3.Connection, session: str, after: int) -> Iterator
     )
     for row in rows:
         yield Event(*row)
+
+
+def moves(connection: sqlite3.Connection, session: str) -> list[Event]:
+    """Return the moves of a session to other maps."""
+    rows = connection.execute(
+        "SELECT number, seq, fingerprint, body FROM event "
+        "WHERE session = ? AND fingerprint = x'' ORDER BY number",
+        (session_number(connection, session),),
+    )
+    return [Event(*row) for row in rows]
 
 
 def fingerprints(

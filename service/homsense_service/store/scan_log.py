@@ -26,8 +26,7 @@ def site_number(connection: sqlite3.Connection, site: str) -> int:
     """Return the number of a site or raise `SiteNotFoundError`."""
     row = connection.execute("SELECT number FROM site WHERE name = ?", (site,)).fetchone()
     if row is None:
-        message = f"there is no site {site!r}"
-        raise SiteNotFoundError(message)
+        raise SiteNotFoundError(site)
     return int(row[0])
 
 

@@ -234,6 +234,10 @@ class SqliteStore:
         with self._reading() as db:
             yield from journal.events(db, session, after)
 
+    def moves(self, session: str) -> list[Event]:
+        """Return the moves of a session to other maps."""
+        return self._read(lambda db: journal.moves(db, session))
+
     def fingerprints(self, session: str, first: int, last: int) -> dict[int, bytes]:
         """Return by which content the steps of a range of sequence numbers are known."""
         return self._read(lambda db: journal.fingerprints(db, session, first, last))
