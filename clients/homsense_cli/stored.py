@@ -73,7 +73,8 @@ def import_site(data: Path, file: Path, name: str | None) -> tuple[str, int]:
     ServiceError
         If the file is not sound, there is such a site, or the store cannot be used.
     """
-    chosen = name or check(_pieces(file))
+    found = check(_pieces(file))
+    chosen = name or found
     with closing(SqliteStore(data)) as store:
         return chosen, imported(store, _pieces(file), chosen)
 

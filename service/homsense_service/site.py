@@ -72,6 +72,7 @@ class Site:
         self._sample = {}
         self._profiles = {}
         self.tracked = self.through = 0
+        self._inbox.clear()
         with self._caching:
             self._sensed.clear()
 

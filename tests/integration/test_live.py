@@ -17,6 +17,7 @@ import pytest
 from fastapi.testclient import TestClient
 from homsense_cli import stored
 from homsense_service.app import create_app
+from homsense_service.operations import Operations
 from homsense_service.settings import Settings
 from homsense_service.streams import KEPT, PATIENCE, Reader
 from starlette.websockets import WebSocketDisconnect
@@ -233,3 +234,22 @@ def test_too_many_requests_at_once_are_refused(tmp_path: Path) -> None:
         for thread in waiting:
             thread.join()
         assert api.get("/v1/sites").status_code == 200
+
+
+def test_an_unforeseen_failure_of_a_message_is_logged(
+    api: TestClient, site: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    session = api.post(f"/v1/sites/{site}/sessions", json={"particles": 10}).json()["session"]
+
+    def fail(*_arguments: object) -> None:
+        message = "a secret"
+        raise RuntimeError(message)
+
+    monkeypatch.setattr(Operations, "take_steps", fail)
+    with api.websocket_connect(f"/v1/sessions/{session}/stream") as robot:
+        robot.receive_json()
+        robot.send_json({"steps": [{"seq": 1}]})
+        told = robot.receive_json()
+    assert told["code"] == "internal"
+    assert "secret" not in json.dumps(told)
+    assert "a secret" in caplog.text

@@ -91,11 +91,12 @@ def test_a_file_that_is_not_sound_is_refused_as_a_whole(
     for name, content in spoiled.items():
         file.write_bytes(content)
         words = ["homsense", "import", str(file), "--data", str(other)]
-        monkeypatch.setattr("sys.argv", words)
-        with pytest.raises(SystemExit) as ended:
-            main()
-        assert ended.value.code == 2, name
-        assert len(capsys.readouterr().err.strip().splitlines()) == 1
+        for more in ([], ["--name", "b"]):
+            monkeypatch.setattr("sys.argv", [*words, *more])
+            with pytest.raises(SystemExit) as ended:
+                main()
+            assert ended.value.code == 2, name
+            assert len(capsys.readouterr().err.strip().splitlines()) == 1
     with closing(SqliteStore(other)) as store:
         assert not store.sites()
     file.write_bytes(sound)

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import logging
 from collections.abc import AsyncIterator
 
 import anyio
@@ -22,6 +23,8 @@ from homsense_service.routes.access import SessionParam, admit, needs, problems
 from homsense_service.streams import Reader, Streams
 
 router = APIRouter(prefix="/v1/sessions/{session}", tags=["sessions"])
+
+_log = logging.getLogger(__name__)
 
 KEEP_ALIVE_S = 15.0
 POLICY_VIOLATION, TRY_AGAIN_LATER, GOING_AWAY = 1008, 1013, 1001
@@ -145,6 +148,7 @@ def _answered(state: State, session: str, given: str | bytes) -> object | None:
     except (ServiceError, HomsenseError) as error:
         return known_problem(error)
     except Exception:  # noqa: BLE001 - the connection outlives one failure
+        _log.exception("a message to session %s failed", session)
         return problem(INTERNAL, "the failure was logged")
     state.metrics.steps.inc(len(batch.steps))
     state.streams.publish(session, frame)
