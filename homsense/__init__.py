@@ -7,6 +7,7 @@ Localization", ICRA 2013. Pure: values in, values out.
 from homsense.adaptive import KldSampling
 from homsense.calibration import calibrate_r_geo
 from homsense.code_map import CodeMap
+from homsense.composition import composed
 from homsense.configuration import LocalizerConfig
 from homsense.diagnosis import Diagnosis, Finding, diagnose
 from homsense.epochs import EpochFiltration
@@ -128,6 +129,7 @@ __all__ = [
     "WitnessPoint",
     "calibrate_r_geo",
     "choose_cut",
+    "composed",
     "diagnose",
     "displaced",
     "estimate_radio",

@@ -16,7 +16,13 @@ from homsense_service.expecting import Expecting
 from homsense_service.localizing import localizing, restored, run_document
 from homsense_service.portable import exported
 from homsense_service.pseudonyms import Pseudonyms
-from homsense_service.records import KeyRecord, SessionRecord, StoredScan
+from homsense_service.records import (
+    Binding,
+    KeyRecord,
+    SessionRecord,
+    StoredReading,
+    StoredScan,
+)
 from homsense_service.registering import Registered, Registering
 from homsense_service.revisions import Expected, whatever
 from homsense_service.runs import Course, Fix, Run, Step
@@ -238,11 +244,7 @@ class Operations:
 
     def move_session(self, name: str) -> Session:
         """Let a session go on with the current map of its site."""
-        while True:
-            try:
-                return self._moved(self.sessions.get(name))
-            except RestingError:
-                continue
+        return self._awake(name, self._moved)[0]
 
     def _moved(self, session: Session) -> Session:
         site = session.site
@@ -265,16 +267,59 @@ class Operations:
         answer: Callable[[Session, Fix], Answer],
     ) -> Answer:
         """Apply steps to a session and answer with what follows from the last; all is on disk."""
+        landmark_key = self.sessions.get(name).site.config.landmark_key
+        return self.take(name, [self._step(step, landmark_key) for step in steps], answer)
+
+    def take(
+        self, name: str, steps: list[Step], answer: Callable[[Session, Fix], Answer]
+    ) -> Answer:
+        """Apply steps as `take_steps` does, once they are values."""
+
+        def apply(session: Session) -> Answer:
+            return session.apply(steps, partial(answer, session), session.site.receive)
+
+        answered, session = self._awake(name, apply)
+        if session.contributes:
+            self.sites.catch_up(session.site)
+        return answered
+
+    def take_again(
+        self,
+        name: str,
+        seq: int,
+        readings: tuple[StoredReading, ...],
+        answer: Callable[[Session, Fix], Answer],
+    ) -> Answer:
+        """Answer a scan that was taken before as it was answered then."""
+
+        def repeat(session: Session) -> Answer:
+            return session.apply_again(seq, readings, partial(answer, session))
+
+        return self._awake(name, repeat)[0]
+
+    def heard(
+        self, name: str, landmarks: list[str | schemas.ReadingIn]
+    ) -> tuple[StoredReading, ...]:
+        """Return what a device has heard as the site of its session keeps it."""
+        landmark_key = self.sessions.get(name).site.config.landmark_key
+        return self._names.readings(schemas.readings(landmarks), landmark_key)
+
+    def bindings(self) -> list[Binding]:
+        """Return which devices stream into which sessions."""
+        return self._store.bindings()
+
+    def bind(self, binding: Binding) -> None:
+        """Let a device stream into a session, and no longer into another."""
+        self._store.bind(binding)
+
+    def _awake(self, name: str, act: Callable[[Session], Answer]) -> tuple[Answer, Session]:
+        """Do something with a session that is in memory as long as that takes."""
         while True:
             session = self.sessions.get(name)
-            given = [self._step(step, session.site.config.landmark_key) for step in steps]
             try:
-                answered = session.apply(given, partial(answer, session), session.site.receive)
+                return act(session), session
             except RestingError:
                 continue
-            if session.contributes:
-                self.sites.catch_up(session.site)
-            return answered
 
     def _wake(self, record: SessionRecord) -> Session:
         """Return a session as it was before a restart."""

@@ -186,6 +186,28 @@ class SessionRecord:
 
 
 @dataclass(frozen=True, slots=True)
+class Binding:
+    """A device that streams into a session.
+
+    Parameters
+    ----------
+    device : str
+        Its name.
+    session : str
+        Identifier.
+    nonce : str
+        Of the request that has bound it, to know that again.
+    token : bytes
+        What the device shows with every message.
+    """
+
+    device: str
+    session: str
+    nonce: str
+    token: bytes
+
+
+@dataclass(frozen=True, slots=True)
 class Event:
     """Something that has changed a session.
 

@@ -4,13 +4,14 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from typing import Any, NamedTuple, TypeVar
 
 from homsense.backend import Backend
 from homsense_service import journaling
 from homsense_service.errors import SequenceConflictError, StoreError
-from homsense_service.journaling import Moved, fingerprint
-from homsense_service.records import Event, SessionRecord, Snapshot, StoredScan
+from homsense_service.journaling import Moved, Taken, fingerprint
+from homsense_service.records import Event, SessionRecord, Snapshot, StoredReading, StoredScan
 from homsense_service.runs import Course, Fix, Run, Step
 from homsense_service.site import Site
 from homsense_service.store import Artifacts, Committed, Store
@@ -167,6 +168,40 @@ class Session:
                 self._store.put_snapshot(self.name, journaling.snapshot(course))
             return made
 
+    def apply_again(
+        self, seq: int, readings: tuple[StoredReading, ...], answer: Callable[[Fix], Answer]
+    ) -> Answer:
+        """Answer a scan that was taken before, whatever motion it was taken with.
+
+        Parameters
+        ----------
+        seq : int
+            Number of its step, not beyond the latest.
+        readings : tuple of StoredReading
+            What was heard.
+        answer : callable
+            Makes the answer from the state after the step.
+
+        Returns
+        -------
+        Answer
+            The same as before.
+
+        Raises
+        ------
+        SequenceConflictError
+            If the step is unknown, forgotten or has heard something else.
+        RestingError
+            If it has left the memory.
+        """
+        event = self._store.step(self.name, seq)
+        if event is None:
+            raise SequenceConflictError(_unknown(seq, self.fix.seq))
+        before = journaling.read(event)
+        assert isinstance(before, Taken)
+        step = replace(before.step, readings=readings)
+        return self.apply([step], answer, lambda _added: None)
+
     def migrate(self, run: Run, document: dict[str, Any], artifacts: Artifacts) -> None:
         """Go on with another map: particles stay, those that it has no room for lose weight."""
         with self._lock:
@@ -208,8 +243,7 @@ class Session:
             known = self._store.fingerprints(self.name, past[0], past[-1])
         for seq in past:
             if seq not in known:
-                message = f"step {seq} lies before step {self.fix.seq}, already applied"
-                raise SequenceConflictError(message)
+                raise SequenceConflictError(_unknown(seq, self.fix.seq))
             if known[seq] != given[seq]:
                 raise SequenceConflictError(_different(seq))
 
@@ -288,6 +322,10 @@ class Session:
 
 def _different(seq: int) -> str:
     return f"step {seq} was given before with other content"
+
+
+def _unknown(seq: int, latest: int) -> str:
+    return f"step {seq} lies before step {latest}, already applied"
 
 
 def _forget_oldest(remembered: OrderedDict[int, Any], most: int) -> None:

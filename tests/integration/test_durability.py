@@ -340,7 +340,7 @@ def test_a_store_of_a_later_release_is_refused(service: Restarting) -> None:
     spoil(service.settings.data, "PRAGMA user_version = 99")
     with pytest.raises(Exception, match="form 99"):
         SqliteStore(service.settings.data)
-    spoil(service.settings.data, "PRAGMA user_version = 2")
+    spoil(service.settings.data, "PRAGMA user_version = 3")
     service.api = service._started()
 
 

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Protocol
 
 from homsense_service.records import (
+    Binding,
     Checkpoint,
     Event,
     KeyRecord,
@@ -110,6 +111,18 @@ class Store(Protocol):
 
     def fingerprints(self, session: str, first: int, last: int) -> dict[int, bytes]:
         """Return by which content the steps of a range of sequence numbers are known."""
+        ...
+
+    def step(self, session: str, seq: int) -> Event | None:
+        """Return the event of a step, if it was taken."""
+        ...
+
+    def bindings(self) -> list[Binding]:
+        """Return which devices stream into which sessions."""
+        ...
+
+    def bind(self, binding: Binding) -> None:
+        """Let a device stream into a session, and no longer into another."""
         ...
 
     def snapshots(self, session: str) -> list[Snapshot]:

@@ -109,6 +109,16 @@ def fingerprints(
     )
 
 
+def step(connection: sqlite3.Connection, session: str, seq: int) -> Event | None:
+    """Return the event of a step."""
+    row = connection.execute(
+        "SELECT number, seq, fingerprint, body FROM event "
+        "WHERE session = ? AND seq = ? AND fingerprint != x''",
+        (session_number(connection, session), seq),
+    ).fetchone()
+    return None if row is None else Event(*row)
+
+
 def snapshots(connection: sqlite3.Connection, session: str) -> list[Snapshot]:
     """Return the snapshots of a session, the latest first."""
     rows = connection.execute(

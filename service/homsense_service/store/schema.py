@@ -9,7 +9,8 @@ from homsense_service.records import StoredReading
 from homsense_service.store.landmarks import Landmarks
 from homsense_service.store.packing import packed
 
-VERSION = 2
+VERSION = 3
+_PACKED = 2
 
 
 def migrate(connection: sqlite3.Connection) -> None:
@@ -37,7 +38,7 @@ def migrate(connection: sqlite3.Connection) -> None:
         text = files("homsense_service.store").joinpath("migrations", f"{number:04}.sql")
         for statement in text.read_text().split(";\n"):
             connection.execute(statement)
-    if version < VERSION:
+    if version < _PACKED:
         _pack_scans(connection)
     connection.execute(f"PRAGMA user_version = {VERSION}")
     connection.execute("COMMIT")

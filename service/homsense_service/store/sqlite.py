@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 
 from homsense_service.errors import KeyExistsError, KeyNotFoundError, StoreError
 from homsense_service.records import (
+    Binding,
     Checkpoint,
     Event,
     KeyRecord,
@@ -25,7 +26,7 @@ from homsense_service.records import (
     StoredScan,
     config_of,
 )
-from homsense_service.store import journal, scan_log
+from homsense_service.store import bindings, journal, scan_log
 from homsense_service.store.contract import Artifacts, Committed
 from homsense_service.store.landmarks import Landmarks
 from homsense_service.store.schema import migrate
@@ -241,6 +242,18 @@ class SqliteStore:
     def fingerprints(self, session: str, first: int, last: int) -> dict[int, bytes]:
         """Return by which content the steps of a range of sequence numbers are known."""
         return self._read(lambda db: journal.fingerprints(db, session, first, last))
+
+    def step(self, session: str, seq: int) -> Event | None:
+        """Return the event of a step."""
+        return self._read(lambda db: journal.step(db, session, seq))
+
+    def bindings(self) -> list[Binding]:
+        """Return which devices stream into which sessions."""
+        return self._read(bindings.bindings)
+
+    def bind(self, binding: Binding) -> None:
+        """Let a device stream into a session."""
+        self._write(lambda db: bindings.bind(db, binding))
 
     def snapshots(self, session: str) -> list[Snapshot]:
         """Return the snapshots that are kept, the latest first."""

@@ -1,0 +1,1 @@
+"""Devices that stream over zenoh, into the same sessions as over REST."""

@@ -1,0 +1,165 @@
+"""Bytes of messages -> inputs. What is wrong is told by the name of its field."""
+
+import struct
+from typing import NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+import homsense
+from homsense_service import schemas
+from homsense_service.bridge.inputs import Deltas, FloatArray, Moving, Readings
+
+ATTACHMENT = struct.Struct("<Q8s")
+DELTA, IMU, JSON, PARTICLES = (
+    "application/octet-stream;schema=delta8f4",
+    "application/octet-stream;schema=imu8f4",
+    "application/json",
+    "application/octet-stream;schema=particles3f4",
+)
+MOST_IN_MESSAGE = 1000
+_COLUMNS = 8
+_MOST = 1e6
+
+
+class Stamp(NamedTuple):
+    """What goes along with every message of a device.
+
+    Parameters
+    ----------
+    number : int
+        Of its first input.
+    token : bytes
+        Eight bytes from the answer to `open`.
+    """
+
+    number: int
+    token: bytes
+
+
+class TimedDelta(schemas.DeltaIn):
+    """A motion and how long it took."""
+
+    dt_s: float = Field(default=0.0, ge=0, le=1e6)
+
+
+class MotionIn(schemas.Wire):
+    """Motion as JSON; one of the two."""
+
+    deltas: list[TimedDelta] = Field(default=[], max_length=MOST_IN_MESSAGE)
+    imu: list[schemas.ImuSampleIn] = Field(default=[], max_length=MOST_IN_MESSAGE)
+
+
+def stamp_of(attachment: bytes | None) -> Stamp | None:
+    r"""Return what goes along with a message; None when it is none.
+
+    Examples
+    --------
+    >>> stamp_of(bytes(16)), stamp_of(b"short")
+    (Stamp(number=0, token=b'\x00\x00\x00\x00\x00\x00\x00\x00'), None)
+    """
+    if attachment is None or len(attachment) != ATTACHMENT.size:
+        return None
+    return Stamp(*ATTACHMENT.unpack(attachment))
+
+
+def motion_of(encoding: str, payload: bytes, first: int) -> Moving:
+    """Return the motions of a message.
+
+    Parameters
+    ----------
+    encoding : str
+        As the sample says.
+    payload : bytes
+        Rows of eight little-endian floats, or JSON.
+    first : int
+        Number of the first motion.
+
+    Returns
+    -------
+    Moving
+        At least one.
+
+    Raises
+    ------
+    ValueError
+        If it is something else, or a number is out of range.
+    """
+    if encoding == DELTA:
+        return _deltas(_rows(payload), first)
+    if encoding == IMU:
+        return _readings(_rows(payload), first)
+    if encoding.partition(";")[0] == JSON:
+        return _from_json(MotionIn.model_validate_json(payload), first)
+    message = f"encoding: {encoding!r} is none of {DELTA}, {IMU}, {JSON}"
+    raise ValueError(message)
+
+
+def particles_of(poses: FloatArray) -> bytes:
+    """Return poses as rows of little-endian floats: x m, y m, heading rad."""
+    return poses.astype("<f4").tobytes()
+
+
+def _rows(payload: bytes) -> FloatArray:
+    size = 4 * _COLUMNS
+    count, rest = divmod(len(payload), size)
+    if rest or not 1 <= count <= MOST_IN_MESSAGE:
+        message = f"payload: {len(payload)} bytes are not 1 to {MOST_IN_MESSAGE} rows of {size}"
+        raise ValueError(message)
+    return np.frombuffer(payload, "<f4").reshape(count, _COLUMNS).astype(np.float64)
+
+
+def _deltas(rows: FloatArray, first: int) -> Deltas:
+    """Read dt_s, forward_m, left_m, turn_rad, their deviations (NaN: unknown), and a spare."""
+    durations_s, motions, deviations = rows[:, 0], rows[:, 1:4], rows[:, 4:7]
+    if not (np.abs(rows[:, :4]).max() <= _MOST and durations_s.min() >= 0.0):
+        message = f"rows: dt_s and motion must be finite, at most {_MOST:.0f}, dt_s not negative"
+        raise ValueError(message)
+    if np.isnan(deviations).any():
+        return Deltas(first, motions, durations_s)
+    if not (deviations.min() >= 0.0 and deviations.max() <= _MOST):
+        message = f"rows: deviations must lie in [0, {_MOST:.0f}], or all be NaN"
+        raise ValueError(message)
+    return Deltas(first, motions, durations_s, _diagonal(deviations))
+
+
+def _diagonal(deviations: FloatArray) -> FloatArray:
+    covariances = np.zeros((len(deviations), 3, 3))
+    covariances[:, range(3), range(3)] = np.square(deviations)
+    return covariances
+
+
+def _readings(rows: FloatArray, first: int) -> Readings:
+    """Read dt_s, accelerations forward, left, up, turn rates about these, and a spare."""
+    if not np.isfinite(rows[:, :7]).all():
+        message = "rows: all but the last column must be finite"
+        raise ValueError(message)
+    chosen = rows[:, [0, 1, 2, 6]].tolist()
+    parsed = [
+        schemas.ImuSampleIn(dt_s=dt_s, forward=forward, left=left, turn=turn)
+        for dt_s, forward, left, turn in chosen
+    ]
+    return Readings(first, tuple(sample.to_sample() for sample in parsed))
+
+
+def _from_json(wire: MotionIn, first: int) -> Moving:
+    if bool(wire.deltas) == bool(wire.imu):
+        message = "payload: one of deltas and imu, and not both"
+        raise ValueError(message)
+    if wire.imu:
+        return Readings(first, tuple(sample.to_sample() for sample in wire.imu))
+    given = [delta.to_delta() for delta in wire.deltas]
+    covariances = [_covariance(delta) for delta in given]
+    stated = [c for c in covariances if c is not None]
+    return Deltas(
+        first,
+        np.array([delta[:3] for delta in given]),
+        np.array([delta.dt_s for delta in wire.deltas]),
+        np.array(stated) if len(stated) == len(given) else None,
+    )
+
+
+def _covariance(delta: homsense.Delta) -> FloatArray | None:
+    if delta.covariance is not None:
+        return np.array(delta.covariance).reshape(3, 3)
+    return None if delta.std is None else np.diag(np.square(delta.std))

@@ -1,0 +1,28 @@
+"""Which session each device streams into."""
+
+import sqlite3
+
+from homsense_service.records import Binding
+from homsense_service.store.journal import session_number
+
+
+def bindings(connection: sqlite3.Connection) -> list[Binding]:
+    """Return all bindings."""
+    rows = connection.execute(
+        "SELECT b.device, s.name, b.nonce, b.token "
+        "FROM binding b JOIN session s ON s.number = b.session"
+    )
+    return [Binding(*row) for row in rows]
+
+
+def bind(connection: sqlite3.Connection, binding: Binding) -> None:
+    """Bind a device to a session, and to no other."""
+    connection.execute(
+        "INSERT OR REPLACE INTO binding VALUES (?, ?, ?, ?)",
+        (
+            binding.device,
+            session_number(connection, binding.session),
+            binding.nonce,
+            binding.token,
+        ),
+    )
