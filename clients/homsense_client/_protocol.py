@@ -83,14 +83,19 @@ def read_answer(call: Call[Answer], status: int, body: object) -> Answer:
         If the answer does not have the promised shape.
     """
     if status >= _BAD:
-        problem = body if isinstance(body, dict) else {}
-        kind = UnavailableError if status >= _SERVER else _FAILURES.get(status, ResponseError)
-        raise kind(status, problem)
+        raise failure({"status": status, **(body if isinstance(body, dict) else {})})
     try:
         return call.read(body)
     except (KeyError, TypeError, ValueError) as error:
         message = f"{call.method} {call.path} was answered with something else: {error!r}"
         raise ContractError(message) from error
+
+
+def failure(problem: dict[str, Any]) -> ResponseError:
+    """Return the error that a problem means."""
+    status = int(problem["status"])
+    kind = UnavailableError if status >= _SERVER else _FAILURES.get(status, ResponseError)
+    return kind(status, problem)
 
 
 def put_site(site: str, config: Mapping[str, Any]) -> Call[models.Site]:

@@ -118,4 +118,4 @@ def _path(location: Sequence[str | int]) -> str:
     """Return a dotted path without the part of the request and without union branches."""
     parts = [str(part) for part in location]
     inside = parts[1:] if parts and parts[0] in ("body", "query", "path") else parts
-    return ".".join(inside) or "".join(parts[:1])
+    return ".".join(inside) or "".join(parts[:1]) or "body"

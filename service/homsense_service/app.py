@@ -8,12 +8,16 @@ from contextlib import asynccontextmanager, closing
 from importlib.metadata import version
 from pathlib import Path
 
+import zenoh
 from fastapi import FastAPI
 from starlette.concurrency import run_in_threadpool
 from starlette.middleware.cors import CORSMiddleware
 
 from homsense_service import answers
 from homsense_service.bodies import BoundedBodies
+from homsense_service.bridge.bridge import Bridge, House
+from homsense_service.bridge.joining import Joining
+from homsense_service.bridge.transport import is_wanted, opened
 from homsense_service.errors import ServiceError
 from homsense_service.keys import KeyRing
 from homsense_service.limiting import BoundedConcurrency, RateLimit
@@ -43,7 +47,9 @@ _log = logging.getLogger(__name__)
 
 
 def create_app(
-    settings: Settings | None = None, open_store: Callable[[Path], Store] = SqliteStore
+    settings: Settings | None = None,
+    open_store: Callable[[Path], Store] = SqliteStore,
+    open_network: Callable[[Settings], zenoh.Session] = opened,
 ) -> FastAPI:
     """Return the application.
 
@@ -53,6 +59,8 @@ def create_app(
         Read from the environment when absent.
     open_store : callable, optional
         Opens the store in the data directory.
+    open_network : callable, optional
+        Joins the zenoh network.
 
     Returns
     -------
@@ -82,7 +90,9 @@ def create_app(
                 store.watch(metrics.committed)
                 app.state.metrics, app.state.streams = metrics, streams
                 tidying = asyncio.create_task(_tidy(operations, streams))
-                yield
+                house = House(operations, app.state.keys, app.state.rate_limit, streams, metrics)
+                async with _on_network(chosen, house, open_network):
+                    yield
                 tidying.cancel()
 
     app = FastAPI(
@@ -109,6 +119,23 @@ def create_app(
         app.include_router(module.router)
     _describe_problems(app)
     return app
+
+
+@asynccontextmanager
+async def _on_network(
+    settings: Settings, house: House, open_network: Callable[[Settings], zenoh.Session]
+) -> AsyncIterator[None]:
+    """Serve devices over zenoh, too, if that is wanted; a router may come later."""
+    if not is_wanted(settings):
+        yield
+        return
+    joining = Joining(
+        lambda: open_network(settings), lambda network: Bridge(network, house, settings)
+    )
+    try:
+        yield
+    finally:
+        await joining.close()
 
 
 async def _tidy(operations: Operations, streams: Streams) -> None:

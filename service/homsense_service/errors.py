@@ -9,6 +9,31 @@ class UnauthorizedError(ServiceError):
     """Nobody knows who calls."""
 
 
+class TokenError(ServiceError):
+    """The token of a device is not the one of its session."""
+
+
+class DeviceNotFoundError(ServiceError):
+    """No device of this name streams into a session.
+
+    Parameters
+    ----------
+    device : str
+        The name.
+    """
+
+    def __init__(self, device: str) -> None:
+        super().__init__(f"device {device!r} has no session; open one")
+
+
+class MethodNotFoundError(ServiceError):
+    """Devices cannot ask for this."""
+
+
+class BodyTooLargeError(ServiceError):
+    """A message is larger than the service reads."""
+
+
 class ForbiddenError(ServiceError):
     """The key is not good for this."""
 

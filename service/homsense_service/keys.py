@@ -73,6 +73,10 @@ class KeyRing:
         """Take other keys from now on."""
         self._records = {record.name: record for record in records}
 
+    def has(self, name: str) -> bool:
+        """Tell whether a key by which somebody came in is still good."""
+        return name in self._records if self._records else True
+
     def caller(self, token: str | None) -> Caller:
         """Return who has a token.
 

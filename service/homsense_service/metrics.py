@@ -58,6 +58,29 @@ class Metrics:
             buckets=[1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1, 3],
             registry=self._registry,
         )
+        self.inputs = Counter(
+            "homsense_device_inputs",
+            "Messages of devices over zenoh, by kind.",
+            ["kind"],
+            registry=self._registry,
+        )
+        self.lost_inputs = Counter(
+            "homsense_device_inputs_lost",
+            "Motions and scans that never came, by their numbers.",
+            registry=self._registry,
+        )
+        self.refused = Counter(
+            "homsense_device_messages_refused",
+            "Messages over zenoh that were not taken, by code.",
+            ["code"],
+            registry=self._registry,
+        )
+        self.devices = Gauge(
+            "homsense_devices",
+            "That stream over zenoh, by state.",
+            ["state"],
+            registry=self._registry,
+        )
         self.pending = 0
         Gauge(
             "homsense_pending_requests",

@@ -30,6 +30,10 @@ class Kind:
 
 KINDS: dict[type[Exception], Kind] = {
     errors.UnauthorizedError: Kind(401, "unauthorized", "Who calls?"),
+    errors.TokenError: Kind(401, "bad_token", "The token is not the one of the session"),
+    errors.DeviceNotFoundError: Kind(404, "no_session", "The device has no session"),
+    errors.MethodNotFoundError: Kind(404, "no_such_method", "Devices cannot ask for this"),
+    errors.BodyTooLargeError: Kind(413, "body_too_large", "The body is too large"),
     errors.ForbiddenError: Kind(403, "forbidden", "The key is not good for this"),
     errors.RateLimitError: Kind(429, "rate_limited", "Too many requests"),
     errors.PortableError: Kind(422, "invalid_file", "The file holds no site"),
@@ -66,7 +70,7 @@ KINDS: dict[type[Exception], Kind] = {
 INVALID_REQUEST = Kind(422, "invalid_request", "The request is not valid")
 MALFORMED_JSON = Kind(400, "malformed_json", "The body is not JSON")
 MALFORMED_GZIP = Kind(400, "malformed_gzip", "The body is not gzip")
-TOO_LARGE = Kind(413, "body_too_large", "The body is too large")
+TOO_LARGE = KINDS[errors.BodyTooLargeError]
 INTERNAL = Kind(500, "internal", "The service failed")
 
 

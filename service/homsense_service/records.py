@@ -199,12 +199,18 @@ class Binding:
         Of the request that has bound it, to know that again.
     token : bytes
         What the device shows with every message.
+    key : str
+        Name of the API key that has opened it.
+    pose_hz : float
+        How many steps are made of motion alone, at most, each second.
     """
 
     device: str
     session: str
     nonce: str
     token: bytes
+    key: str
+    pose_hz: float
 
 
 @dataclass(frozen=True, slots=True)

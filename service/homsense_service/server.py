@@ -10,6 +10,7 @@ from fastapi import FastAPI
 
 from homsense_service import logs
 from homsense_service.app import create_app
+from homsense_service.bridge import transport
 from homsense_service.errors import StoreError
 from homsense_service.settings import Settings
 from homsense_service.store import SqliteStore
@@ -41,13 +42,18 @@ def serve(settings: Settings) -> None:
         _check_access(settings, has_keys=bool(store.api_keys()))
         listening = socket.create_server((settings.host, settings.port))
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
+        networks = [transport.opened(settings)] if settings.zenoh_listen else []
     except (OSError, ValueError):
         store.close()
         raise
     host, port = listening.getsockname()[:2]
     sys.stderr.write(f"homsense serves http://{host}:{port} from {settings.data}\n")
     logs.configure()
-    app = create_app(settings, lambda _directory: store)
+    app = create_app(
+        settings,
+        lambda _directory: store,
+        lambda chosen: networks.pop() if networks else transport.opened(chosen),
+    )
     config = uvicorn.Config(
         app,
         log_config=None,
@@ -74,10 +80,13 @@ class _Server(uvicorn.Server):
 
 def _check_access(settings: Settings, *, has_keys: bool) -> None:
     """Raise ValueError rather than let anybody in by accident."""
-    if has_keys or settings.open_access or _is_loopback(settings.host):
+    endpoints = [*settings.zenoh_listen, *settings.zenoh_connect]
+    hosts = [settings.host, *map(transport.endpoint_host, endpoints)]
+    open_hosts = [host for host in hosts if not _is_loopback(host)]
+    if has_keys or settings.open_access or not open_hosts:
         return
     message = (
-        f"host: {settings.host} is not loopback and there are no keys; make one with "
+        f"host: {open_hosts[0]} is not loopback and there are no keys; make one with "
         "`homsense keys add`, or set HOMSENSE_OPEN_ACCESS=true to serve anybody"
     )
     raise ValueError(message)

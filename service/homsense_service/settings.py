@@ -21,6 +21,30 @@ class Settings(BaseSettings):
     open_access: bool = Field(
         default=False, description="Serve anybody beyond loopback although there are no keys."
     )
+    zenoh_listen: list[str] = Field(
+        default=[], description="Endpoints where devices reach the service without any router."
+    )
+    zenoh_connect: list[str] = Field(default=[], description="Endpoints of zenoh routers.")
+    zenoh_config: Path | None = Field(
+        default=None,
+        description="A zenoh configuration file (JSON5), for TLS, passwords and access control.",
+    )
+    zenoh_prefix: str = Field(
+        default="homsense",
+        pattern=r"^[A-Za-z0-9_.-]+(/[A-Za-z0-9_.-]+)*$",
+        description="What all keys begin with.",
+    )
+    zenoh_max_bytes: int = Field(
+        default=262_144, ge=1024, description="Largest message of a device."
+    )
+    zenoh_silence_s: float = Field(
+        default=5.0, gt=0.0, description="A device that is silent for so long is offline, seconds."
+    )
+    zenoh_grace_s: float = Field(
+        default=60.0,
+        gt=0.0,
+        description="A device that is offline for so long leaves the memory, seconds.",
+    )
     cors_origins: list[str] = Field(
         default=[], description="Origins whose pages may call, a JSON list; none by default."
     )

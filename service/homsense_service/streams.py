@@ -2,6 +2,7 @@
 
 import asyncio
 import threading
+from collections.abc import Callable
 
 KEPT, PATIENCE = 2, 64
 
@@ -55,6 +56,11 @@ class Streams:
     ----------
     most : int
         How many readers there may be.
+
+    Attributes
+    ----------
+    listeners : list of callable
+        Told of the poses of all sessions, in the thread that publishes them.
     """
 
     def __init__(self, most: int) -> None:
@@ -62,6 +68,7 @@ class Streams:
         self._loop = asyncio.get_running_loop()
         self._lock = threading.Lock()
         self._readers: dict[str, set[Reader]] = {}
+        self.listeners: list[Callable[[str, bytes], None]] = []
 
     def __len__(self) -> int:
         return sum(map(len, list(self._readers.values())))
@@ -82,7 +89,9 @@ class Streams:
                 self._readers.pop(session, None)
 
     def publish(self, session: str, frame: bytes) -> None:
-        """Give a pose to all readers of a session; from any thread."""
+        """Give a pose to all readers and listeners of a session; from any thread."""
+        for listener in self.listeners:
+            listener(session, frame)
         if session in self._readers:
             self._loop.call_soon_threadsafe(self._deliver, session, frame)
 

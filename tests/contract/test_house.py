@@ -5,11 +5,17 @@ import re
 import tomllib
 from importlib import import_module
 from pathlib import Path
+from typing import get_args
 
 import homsense_client
+import homsense_client.streaming
 import pytest
 from homsense_service import errors as service_errors
 from homsense_service.app import create_app
+from homsense_service.bridge import encodings
+from homsense_service.bridge.keyspace import METHODS, KeySpace
+from homsense_service.bridge.opening import OpenIn
+from homsense_service.bridge.presence import State
 from homsense_service.openapi import openapi_text
 from homsense_service.problems import INTERNAL, KINDS
 from homsense_service.settings import Settings
@@ -86,7 +92,7 @@ def test_every_error_has_a_row_in_the_table() -> None:
 
 
 def test_every_public_name_is_exported_and_documented() -> None:
-    for package in (homsense, homsense_client):
+    for package in (homsense, homsense_client, homsense_client.streaming):
         assert package.__all__ == sorted(package.__all__, key=str)
         for name in package.__all__:
             assert getattr(package, name).__doc__
@@ -103,6 +109,33 @@ def test_every_route_is_documented() -> None:
     for path, verbs in create_app(Settings()).openapi()["paths"].items():
         for verb in verbs:
             assert f"`{verb.upper()} {path}`" in text
+
+
+def test_the_streaming_contract_is_the_one_of_the_code() -> None:
+    text = _text("openapi", "keyexpr.md")
+    keys = KeySpace("homsense")
+    found = [
+        keys.alive("DEVICE"),
+        keys.service("ZID"),
+        *(
+            keys.of_device("DEVICE", what)
+            for what in ("imu", "scan", "pose", "particles", "event")
+        ),
+        *(keys.rpc("DEVICE", method) for method in METHODS),
+    ]
+    told = re.findall(r"^\| `(homsense/\S+)` \|", text, flags=re.MULTILINE)
+    assert sorted(told) == sorted(found)
+    for encoding in (encodings.DELTA, encodings.IMU, encodings.JSON, encodings.PARTICLES):
+        assert encoding in text
+    for model in (OpenIn, encodings.ScanBody):
+        for name in model.model_fields:
+            assert f'"{name}"' in text
+    bridge = ROOT / "service" / "homsense_service" / "bridge"
+    source = "".join(path.read_text() for path in bridge.glob("*.py"))
+    codes = {*re.findall(r"tell\(\s*(?:self\.)?name,\s*\"(\w+)\"", source)}
+    assert {"gap", "decode", "overflow"} <= codes
+    for code in [*codes, *get_args(State), "bad_token", "no_session", "body_too_large"]:
+        assert f"`{code}`" in text
 
 
 def test_every_error_code_is_documented() -> None:

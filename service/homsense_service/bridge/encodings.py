@@ -1,14 +1,15 @@
 """Bytes of messages -> inputs. What is wrong is told by the name of its field."""
 
 import struct
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 import homsense
 from homsense_service import schemas
 from homsense_service.bridge.inputs import Deltas, FloatArray, Moving, Readings
+from homsense_service.schemas.wire import Landmarks, Moment
 
 ATTACHMENT = struct.Struct("<Q8s")
 DELTA, IMU, JSON, PARTICLES = (
@@ -44,10 +45,24 @@ class TimedDelta(schemas.DeltaIn):
 
 
 class MotionIn(schemas.Wire):
-    """Motion as JSON; one of the two."""
+    """Motion as JSON."""
 
     deltas: list[TimedDelta] = Field(default=[], max_length=MOST_IN_MESSAGE)
     imu: list[schemas.ImuSampleIn] = Field(default=[], max_length=MOST_IN_MESSAGE)
+
+    @model_validator(mode="after")
+    def _is_of_one_kind(self) -> Self:
+        if self.deltas and self.imu:
+            message = "one of deltas and imu, not both"
+            raise ValueError(message)
+        return self
+
+
+class ScanBody(MotionIn):
+    """A scan, and the motion before it."""
+
+    landmarks: Landmarks
+    t: Moment | None = None
 
 
 def stamp_of(attachment: bytes | None) -> Stamp | None:
@@ -90,9 +105,30 @@ def motion_of(encoding: str, payload: bytes, first: int) -> Moving:
     if encoding == IMU:
         return _readings(_rows(payload), first)
     if encoding.partition(";")[0] == JSON:
-        return _from_json(MotionIn.model_validate_json(payload), first)
+        moving = motion_before(MotionIn.model_validate_json(payload), first)
+        if moving is None:
+            message = "payload: deltas or imu"
+            raise ValueError(message)
+        return moving
     message = f"encoding: {encoding!r} is none of {DELTA}, {IMU}, {JSON}"
     raise ValueError(message)
+
+
+def motion_before(wire: MotionIn, first: int) -> Moving | None:
+    """Return the motions of a JSON message, numbered from the first; None without any."""
+    if not wire.deltas and not wire.imu:
+        return None
+    if wire.imu:
+        return Readings(first, tuple(sample.to_sample() for sample in wire.imu))
+    given = [delta.to_delta() for delta in wire.deltas]
+    covariances = [_covariance(delta) for delta in given]
+    stated = [c for c in covariances if c is not None]
+    return Deltas(
+        first,
+        np.array([delta[:3] for delta in given]),
+        np.array([delta.dt_s for delta in wire.deltas]),
+        np.array(stated) if len(stated) == len(given) else None,
+    )
 
 
 def particles_of(poses: FloatArray) -> bytes:
@@ -140,23 +176,6 @@ def _readings(rows: FloatArray, first: int) -> Readings:
         for dt_s, forward, left, turn in chosen
     ]
     return Readings(first, tuple(sample.to_sample() for sample in parsed))
-
-
-def _from_json(wire: MotionIn, first: int) -> Moving:
-    if bool(wire.deltas) == bool(wire.imu):
-        message = "payload: one of deltas and imu, and not both"
-        raise ValueError(message)
-    if wire.imu:
-        return Readings(first, tuple(sample.to_sample() for sample in wire.imu))
-    given = [delta.to_delta() for delta in wire.deltas]
-    covariances = [_covariance(delta) for delta in given]
-    stated = [c for c in covariances if c is not None]
-    return Deltas(
-        first,
-        np.array([delta[:3] for delta in given]),
-        np.array([delta.dt_s for delta in wire.deltas]),
-        np.array(stated) if len(stated) == len(given) else None,
-    )
 
 
 def _covariance(delta: homsense.Delta) -> FloatArray | None:

@@ -9,20 +9,23 @@ from homsense_service.store.journal import session_number
 def bindings(connection: sqlite3.Connection) -> list[Binding]:
     """Return all bindings."""
     rows = connection.execute(
-        "SELECT b.device, s.name, b.nonce, b.token "
+        "SELECT b.device, s.name, b.nonce, b.token, b.key, b.pose_hz "
         "FROM binding b JOIN session s ON s.number = b.session"
     )
     return [Binding(*row) for row in rows]
 
 
 def bind(connection: sqlite3.Connection, binding: Binding) -> None:
-    """Bind a device to a session, and to no other."""
+    """Bind a device to a session, each to no other."""
+    session = session_number(connection, binding.session)
     connection.execute(
-        "INSERT OR REPLACE INTO binding VALUES (?, ?, ?, ?)",
+        "INSERT OR REPLACE INTO binding VALUES (?, ?, ?, ?, ?, ?)",
         (
             binding.device,
-            session_number(connection, binding.session),
+            session,
             binding.nonce,
             binding.token,
+            binding.key,
+            binding.pose_hz,
         ),
     )

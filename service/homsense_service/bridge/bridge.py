@@ -1,0 +1,258 @@
+"""The rim towards zenoh: who sends what, and which device it concerns."""
+
+import asyncio
+import logging
+import time
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from typing import NamedTuple
+
+import zenoh
+
+from homsense_service.bridge.device import Desk, Device, closed
+from homsense_service.bridge.devices import Devices
+from homsense_service.bridge.encodings import Stamp, stamp_of
+from homsense_service.bridge.keyspace import METHODS, KeySpace
+from homsense_service.bridge.lanes import Job, Lane
+from homsense_service.bridge.opening import OpenIn, Opening
+from homsense_service.bridge.outputs import Events, Output
+from homsense_service.bridge.presence import Presence
+from homsense_service.bridge.requests import Request, told
+from homsense_service.errors import (
+    BodyTooLargeError,
+    MethodNotFoundError,
+    OverloadError,
+    ServiceError,
+    SessionNotFoundError,
+    TokenError,
+)
+from homsense_service.keys import KeyRing
+from homsense_service.limiting import RateLimit
+from homsense_service.metrics import Metrics
+from homsense_service.operations import Operations
+from homsense_service.records import Binding
+from homsense_service.settings import Settings
+from homsense_service.streams import Streams
+
+_log = logging.getLogger(__name__)
+
+WORKERS, OPENERS, DOORS = 8, 4, 64
+TICK_S = 0.5
+
+
+class House(NamedTuple):
+    """What all rims of the service share.
+
+    Parameters
+    ----------
+    operations : Operations
+        What the service does.
+    keys : KeyRing
+        Who may.
+    rate_limit : RateLimit
+        How often.
+    streams : Streams
+        Readers of poses.
+    metrics : Metrics
+        What an operator watches.
+    """
+
+    operations: Operations
+    keys: KeyRing
+    rate_limit: RateLimit
+    streams: Streams
+    metrics: Metrics
+
+
+class Bridge:
+    """Devices on a zenoh network.
+
+    Parameters
+    ----------
+    network : zenoh.Session
+        Closed with the bridge.
+    house : House
+        What it shares with REST.
+    settings : Settings
+        Prefix and limits.
+    """
+
+    def __init__(self, network: zenoh.Session, house: House, settings: Settings) -> None:
+        self._network, self._house, self._settings = network, house, settings
+        self._loop = asyncio.get_running_loop()
+        self._keys = keys = KeySpace(settings.zenoh_prefix)
+        self._clock = time.monotonic
+        self._pool = ThreadPoolExecutor(WORKERS, "device")
+        self._openers = ThreadPoolExecutor(OPENERS, "opening")
+        self._doors = [Lane(self._openers) for _ in range(DOORS)]
+        self._opening = Opening(house.operations, house.keys, settings)
+        self._events = Events(network, keys, self._clock)
+        self._devices = Devices(house.operations.bindings(), self._made, self._events.tell)
+        self._desk = Desk(
+            house.operations,
+            self._pool,
+            self._clock,
+            self._later,
+            self._took,
+            self._lost,
+            self._events.tell,
+            self._devices.forget,
+        )
+        house.streams.listeners.append(self._publish)
+        self._token = network.liveliness().declare_token(keys.service(str(network.zid())))
+        network.declare_subscriber(keys.of_device("*", "imu"), self._on_motion)
+        network.declare_subscriber(keys.of_device("*", "scan"), self._on_scan)
+        network.declare_queryable(keys.rpc("*", "*"), self._on_query)
+        network.liveliness().declare_subscriber(keys.alive("*"), self._on_alive, history=True)
+        self._ticking = asyncio.create_task(self._tick())
+
+    def close(self) -> None:
+        """Leave the network; what waits is not on disk and was not acknowledged."""
+        self._ticking.cancel()
+        self._house.streams.listeners.remove(self._publish)
+        self._network.close()  # type: ignore[no-untyped-call]
+        for pool in (self._openers, self._pool):
+            pool.shutdown(wait=True, cancel_futures=True)
+
+    def _made(self, binding: Binding) -> Device:
+        output = Output(self._network, self._keys, binding.device)
+        settings = self._settings
+        presence = Presence(self._clock(), settings.zenoh_silence_s, settings.zenoh_grace_s)
+        return Device(binding, self._desk, output, presence)
+
+    def _on_motion(self, sample: zenoh.Sample) -> None:
+        self._house.metrics.inputs.labels("motion").inc()
+        found = self._admitted(sample)
+        if found is not None:
+            device, stamp = found
+            device.move(stamp.number, str(sample.encoding), sample.payload.to_bytes())
+
+    def _on_scan(self, sample: zenoh.Sample) -> None:
+        self._house.metrics.inputs.labels("scan").inc()
+        found = self._admitted(sample)
+        if found is not None:
+            device, stamp = found
+            device.hear(stamp.number, sample.payload.to_bytes())
+
+    def _admitted(self, sample: zenoh.Sample) -> tuple[Device, Stamp] | None:
+        """Return the device of a message and its stamp; tell the device when it is refused."""
+        key = str(sample.key_expr)
+        name = self._keys.device_of(key)
+        if name is None:
+            self._house.metrics.refused.labels("wildcard").inc()
+            _log.warning("a message to %s names no device", key)
+            return None
+        try:
+            attachment = sample.attachment
+            stamp = None if attachment is None else stamp_of(attachment.to_bytes())
+            return self._checked(name, stamp, len(sample.payload))
+        except ServiceError as error:
+            code = str(told(error)["code"])
+            self._house.metrics.refused.labels(code).inc()
+            self._events.tell(name, code, str(error))
+            return None
+
+    def _checked(self, name: str, stamp: Stamp | None, size: int) -> tuple[Device, Stamp]:
+        self._check_size(size)
+        device = self._devices.get(name)
+        sound = device.check(stamp)
+        if not self._house.keys.has(device.binding.key):
+            message = "the key that has opened the session is no longer good"
+            raise TokenError(message)
+        device.presence.heard(self._clock())
+        return device, sound
+
+    def _check_size(self, size: int) -> None:
+        most = self._settings.zenoh_max_bytes
+        if size > most:
+            message = f"the message has {size} bytes, the limit is {most}"
+            raise BodyTooLargeError(message)
+
+    def _on_query(self, query: zenoh.Query) -> None:
+        request = Request(query)
+        try:
+            self._ask(request)
+        except ServiceError as error:
+            self._house.metrics.refused.labels(str(told(error)["code"])).inc()
+            self._pool.submit(request.refuse, error)
+
+    def _ask(self, request: Request) -> None:
+        name = self._keys.device_of(request.key)
+        if request.method not in METHODS or name is None:
+            message = f"{request.key} is no request of a device: {', '.join(METHODS)}"
+            raise MethodNotFoundError(message)
+        self._house.metrics.inputs.labels(request.method).inc()
+        self._house.rate_limit.hit(f"device {name}")
+        if request.method == "open":
+            self._check_size(len(request.payload))
+            door = self._doors[hash(name) % DOORS]
+            if not door.post(partial(self._let_in, name, request)):
+                message = "too many devices wait to be let in"
+                raise OverloadError(message)
+            return
+        stamp = None if request.attachment is None else stamp_of(request.attachment)
+        device, sound = self._checked(name, stamp, len(request.payload))
+        if request.method == "close":
+            self._pool.submit(self._close, device, request)
+        else:
+            device.ask(request, sound.number)
+
+    def _let_in(self, name: str, request: Request) -> None:
+        """Open a session, in a thread of its own: a site may have to learn something first."""
+        try:
+            asked = OpenIn.model_validate_json(request.payload)
+            binding = self._opening.bound(name, asked, self._devices.binding(name))
+            self._devices.adopt(binding)
+            request.answer(self._opening.answer(binding))
+        except Exception as error:  # noqa: BLE001 - whoever asks is answered
+            request.refuse(error)
+
+    def _close(self, device: Device, request: Request) -> None:
+        try:
+            self._house.operations.sessions.close(device.session)
+            self._house.streams.end(device.session)
+            self._devices.forget(device.name)
+            request.answer(closed(device.session))
+        except Exception as error:  # noqa: BLE001 - whoever asks is answered
+            request.refuse(error)
+
+    def _took(self, session: str, steps: int, frame: bytes) -> None:
+        self._house.metrics.steps.inc(steps)
+        self._house.streams.publish(session, frame)
+
+    def _publish(self, session: str, frame: bytes) -> None:
+        device = self._devices.of_session(session)
+        if device is None:
+            return
+        try:
+            device.publish(frame)
+        except (zenoh.ZError, SessionNotFoundError) as error:
+            _log.info("a pose of %s was not sent: %s", device.name, error)
+
+    def _lost(self, name: str, count: int) -> None:
+        self._house.metrics.lost_inputs.inc(count)
+        self._events.tell(name, "gap", f"{count} inputs never came", lost=count)
+
+    def _later(self, seconds: float, job: Job) -> None:
+        try:
+            self._loop.call_soon_threadsafe(self._loop.call_later, seconds, job)
+        except RuntimeError:
+            _log.debug("the service stops; nothing is done later")
+
+    def _on_alive(self, sample: zenoh.Sample) -> None:
+        name = self._keys.device_of(str(sample.key_expr))
+        device = None if name is None else self._devices.present(name)
+        if device is None:
+            return
+        if sample.kind == zenoh.SampleKind.DELETE:
+            device.presence.vanished(self._clock())
+        else:
+            device.presence.heard(self._clock())
+
+    async def _tick(self) -> None:
+        """Look after devices that come and go."""
+        while True:
+            await asyncio.sleep(TICK_S)
+            counted = self._devices.look(self._clock())
+            self._house.metrics.devices.labels("online").set(counted["online"])
+            self._house.metrics.devices.labels("offline").set(counted["offline"])

@@ -1,0 +1,282 @@
+"""One device: its messages become steps of its session, and the poses go back."""
+
+import hmac
+import json
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
+from functools import partial
+from typing import NamedTuple
+
+import homsense
+from homsense_service import schemas
+from homsense_service.bridge.encodings import (
+    ScanBody,
+    Stamp,
+    motion_before,
+    motion_of,
+    particles_of,
+)
+from homsense_service.bridge.inbox import Inbox
+from homsense_service.bridge.inputs import Input, Scan
+from homsense_service.bridge.lanes import Job, Lane
+from homsense_service.bridge.outputs import PARTICLES_AT_ONCE, Output
+from homsense_service.bridge.presence import Presence
+from homsense_service.bridge.requests import Expected, Request
+from homsense_service.errors import (
+    SequenceConflictError,
+    ServiceError,
+    SessionNotFoundError,
+    TokenError,
+)
+from homsense_service.operations import Operations
+from homsense_service.records import Binding
+from homsense_service.rendering_poses import pose_json
+from homsense_service.runs import Step
+from homsense_service.schemas.wire import unix_seconds
+
+RETRY_S = 1.0
+
+
+class Desk(NamedTuple):
+    """What devices share.
+
+    Parameters
+    ----------
+    operations : Operations
+        What the service does.
+    pool : concurrent.futures.Executor
+        Runs the lanes.
+    clock : callable
+        Returns seconds.
+    later : callable
+        Does something after some seconds.
+    took : callable
+        Told the session, how many steps it took, and the pose after them.
+    lost : callable
+        Told how many inputs never came.
+    tell : callable
+        Told device, code and detail of what went wrong.
+    forget : callable
+        Told a device whose session is no more.
+    """
+
+    operations: Operations
+    pool: Executor
+    clock: Callable[[], float]
+    later: Callable[[float, Job], None]
+    took: Callable[[str, int, bytes], None]
+    lost: Callable[[str, int], None]
+    tell: Callable[[str, str, str], None]
+    forget: Callable[[str], None]
+
+
+class Device:
+    """A device that streams into a session.
+
+    Parameters
+    ----------
+    binding : Binding
+        Which session, and what shows that it is this device.
+    desk : Desk
+        What it shares with others.
+    output : Output
+        Its streams out.
+    presence : Presence
+        Its signs of life.
+    """
+
+    def __init__(self, binding: Binding, desk: Desk, output: Output, presence: Presence) -> None:
+        self.binding, self.presence = binding, presence
+        self.name, self.session = binding.device, binding.session
+        self._desk, self._output = desk, output
+        self._lane = Lane(desk.pool, self._step)
+        self._inbox: Inbox | None = None
+        self._asked: dict[int, list[Request]] = {}
+        self._handlers = {"scan": self._scan, "steps": self._steps, "last": self._last}
+
+    def check(self, stamp: Stamp | None) -> Stamp:
+        """Return the stamp of a message, or raise `TokenError`."""
+        if stamp is None or not hmac.compare_digest(stamp.token, self.binding.token):
+            message = "the attachment is not a number and the token of this device's session"
+            raise TokenError(message)
+        return stamp
+
+    def move(self, number: int, encoding: str, payload: bytes) -> None:
+        """Take motion."""
+        self._post(partial(self._move, number, encoding, payload))
+
+    def hear(self, number: int, payload: bytes) -> None:
+        """Take a scan that nobody waits for."""
+        self._post(partial(self._hear, number, payload))
+
+    def ask(self, request: Request, number: int) -> None:
+        """Take a request."""
+        handle = self._handlers[request.method]
+        if not self._lane.post(partial(self._guarded, request, partial(handle, request, number))):
+            self._desk.tell(self.name, "overflow", "too many messages wait")
+
+    def publish(self, frame: bytes) -> None:
+        """Send the pose after a step, whoever has posted it, and particles if they are read."""
+        self._output.pose(frame)
+        self._output.particles(self._desk.clock(), self._particles)
+
+    def close(self) -> None:
+        """Send no more."""
+        self._output.close()
+
+    def _post(self, job: Job) -> None:
+        if not self._lane.post(job):
+            self._desk.tell(self.name, "overflow", "too many messages wait")
+
+    def _open_inbox(self) -> Inbox:
+        if self._inbox is None:
+            fix = self._desk.operations.sessions.get(self.session).fix
+            self._inbox = Inbox(fix.seq, fix.t, 1.0 / self.binding.pose_hz)
+        return self._inbox
+
+    def _move(self, number: int, encoding: str, payload: bytes) -> None:
+        try:
+            self._put(motion_of(encoding, payload, number))
+        except SessionNotFoundError as error:
+            self._end(error)
+        except Expected as error:
+            self._desk.tell(self.name, "decode", str(error))
+
+    def _hear(self, number: int, payload: bytes) -> None:
+        try:
+            self._put(*self._read(number, payload))
+        except SessionNotFoundError as error:
+            self._end(error)
+        except Expected as error:
+            self._desk.tell(self.name, "decode", str(error))
+
+    def _put(self, *given: Input) -> None:
+        inbox = self._open_inbox()
+        has_room = [inbox.put(each, self._desk.clock()) for each in given]
+        if not all(has_room):
+            self._desk.tell(self.name, "overflow", "too many inputs wait; the oldest are missing")
+
+    def _read(self, number: int, payload: bytes) -> tuple[*tuple[Input, ...], Scan]:
+        """Return the motion of a message, if it has any, and its scan."""
+        body = ScanBody.model_validate_json(payload)
+        readings = self._desk.operations.heard(self.session, body.landmarks)
+        t = None if body.t is None else unix_seconds(body.t)
+        moving = motion_before(body, number)
+        if moving is None:
+            return (Scan(number, readings, t),)
+        return moving, Scan(moving.following, readings, t)
+
+    def _guarded(self, request: Request, handle: Callable[[], None]) -> None:
+        try:
+            handle()
+        except Exception as error:  # noqa: BLE001 - whoever asks is answered
+            request.refuse(error)
+            if isinstance(error, SessionNotFoundError):
+                self._end(error)
+
+    def _scan(self, request: Request, number: int) -> None:
+        *before, scan = self._read(number, request.payload)
+        if scan.first > self._open_inbox().through:
+            self._put(*before, scan)
+            self._asked.setdefault(scan.first, []).append(request)
+            return
+        operations = self._desk.operations
+        request.answer(operations.take_again(self.session, scan.first, scan.readings, pose_json))
+
+    def _steps(self, request: Request, _number: int) -> None:
+        batch = schemas.StepsIn.model_validate_json(request.payload)
+        operations = self._desk.operations
+        frame = operations.take_steps(self.session, batch.steps, pose_json)
+        self._catch_up()
+        self._desk.took(self.session, len(batch.steps), frame)
+        request.answer(frame)
+
+    def _last(self, request: Request, _number: int) -> None:
+        session = self._desk.operations.sessions.get(self.session)
+        request.answer(pose_json(session, session.fix))
+
+    def _step(self) -> None:
+        """Take the steps that can be taken now."""
+        if self._inbox is None:
+            return
+        plan = self._inbox.plan(self._desk.clock())
+        for steps in _up_to_scans(plan.steps, self._asked):
+            if not self._take(steps):
+                return
+        if plan.lost:
+            self._desk.lost(self.name, plan.lost)
+        if plan.wake_s is not None:
+            self._wake_in(plan.wake_s - self._desk.clock())
+
+    def _take(self, steps: list[Step]) -> bool:
+        assert self._inbox is not None
+        try:
+            frame = self._desk.operations.take(self.session, steps, pose_json)
+        except SessionNotFoundError as error:
+            self._end(error)
+        except SequenceConflictError as error:
+            self._catch_up()
+            self._refuse(error, self._inbox.through)
+            self._desk.tell(self.name, "sequence_conflict", str(error))
+            self._wake_in(0.0)
+        except ServiceError as error:
+            self._refuse(error, steps[-1].seq)
+            self._desk.tell(self.name, "unavailable", str(error))
+            self._wake_in(RETRY_S)
+        except homsense.HomsenseError as error:
+            self._inbox.go_on_from(steps[-1].seq, steps[-1].t)
+            self._refuse(error, steps[-1].seq)
+            self._desk.tell(self.name, "decode", str(error))
+            self._wake_in(0.0)
+        else:
+            self._inbox.taken(steps, self._desk.clock())
+            for request in self._asked.pop(steps[-1].seq, ()):
+                request.answer(frame)
+            self._desk.took(self.session, len(steps), frame)
+            return True
+        return False
+
+    def _catch_up(self) -> None:
+        """Go on behind the steps that were posted another way."""
+        fix = self._desk.operations.sessions.get(self.session).fix
+        self._open_inbox().go_on_from(fix.seq, fix.t)
+
+    def _refuse(self, error: Exception, through: int) -> None:
+        for number in [number for number in self._asked if number <= through]:
+            for request in self._asked.pop(number):
+                request.refuse(error)
+
+    def _end(self, error: SessionNotFoundError) -> None:
+        """Let the device go: its session is no more."""
+        self._inbox = None
+        self._refuse(error, max(self._asked, default=0))
+        self._desk.tell(self.name, "no_session", str(error))
+        self._desk.forget(self.name)
+
+    def _wake_in(self, seconds: float) -> None:
+        self._desk.later(max(0.0, seconds), lambda: self._post(_nothing))
+
+    def _particles(self) -> bytes:
+        pose = self._desk.operations.sessions.get(self.session).fix.pose
+        return particles_of(pose.poses[pose.thinned(PARTICLES_AT_ONCE)])
+
+
+def closed(session: str) -> bytes:
+    """Return the answer to the end of a session."""
+    return json.dumps({"session": session, "closed": True}).encode()
+
+
+def _nothing() -> None:
+    """Let the lane look at its inbox."""
+
+
+def _up_to_scans(steps: list[Step], asked: dict[int, list[Request]]) -> Iterator[list[Step]]:
+    """Yield the steps in parts that end with a scan that somebody waits for."""
+    part: list[Step] = []
+    for step in steps:
+        part.append(step)
+        if step.seq in asked:
+            yield part
+            part = []
+    if part:
+        yield part

@@ -1,0 +1,74 @@
+"""Requests of devices, each answered once."""
+
+import json
+import logging
+from collections.abc import Callable
+from typing import Any
+
+import zenoh
+from pydantic import ValidationError
+
+import homsense
+from homsense_service.answers import invalid_request, known_problem
+from homsense_service.errors import ServiceError
+from homsense_service.problems import INTERNAL, MALFORMED_JSON, MEDIA_TYPE, problem
+
+_log = logging.getLogger(__name__)
+
+Expected = (ServiceError, homsense.HomsenseError, ValueError)
+
+
+def told(error: Exception) -> dict[str, Any]:
+    """Return the problem that an error is answered with."""
+    if isinstance(error, ValidationError):
+        found = error.errors(include_url=False, include_input=False, include_context=False)
+        if any(entry["type"] == "json_invalid" for entry in found):
+            return problem(MALFORMED_JSON, "the message cannot be read as JSON")
+        return invalid_request(found)
+    if isinstance(error, (ServiceError, homsense.HomsenseError)):
+        return known_problem(error)
+    return problem(INTERNAL, "the failure was logged")
+
+
+class Request:
+    """A query that waits for its answer.
+
+    Parameters
+    ----------
+    query : zenoh.Query
+        It hangs until it is answered.
+    """
+
+    def __init__(self, query: zenoh.Query) -> None:
+        self._query, self._key = query, str(query.key_expr)
+        payload, attachment = query.payload, query.attachment
+        self.payload = b"" if payload is None else payload.to_bytes()
+        self.attachment = None if attachment is None else attachment.to_bytes()
+
+    @property
+    def method(self) -> str:
+        """What is asked for."""
+        return self._key.rpartition("/")[2]
+
+    @property
+    def key(self) -> str:
+        """The key that it came over."""
+        return self._key
+
+    def answer(self, body: bytes) -> None:
+        """Give the answer, JSON."""
+        self._end(lambda: self._query.reply(self._key, body, encoding="application/json"))
+
+    def refuse(self, error: Exception) -> None:
+        """Say what is wrong."""
+        body = told(error)
+        if body["code"] == INTERNAL.code:
+            _log.error("%s failed", self._key, exc_info=error)
+        self._end(lambda: self._query.reply_err(json.dumps(body).encode(), encoding=MEDIA_TYPE))
+
+    def _end(self, send: Callable[[], None]) -> None:
+        with self._query:
+            try:
+                send()
+            except zenoh.ZError as error:
+                _log.warning("%s has no reader for its answer: %s", self._key, error)
