@@ -204,6 +204,46 @@ def verify(data: DataOption = Path("data")) -> None:
         sys.exit(FAILED)
 
 
+ros2 = typer.Typer(help="ROS 2 robots (docs/ros2.md).", no_args_is_help=True)
+app.add_typer(ros2, name="ros2")
+
+
+@ros2.command("check")
+def ros2_check(
+    mapping: Annotated[Path, typer.Argument(exists=True, dir_okay=False, help="Mapping file.")],
+    router: Annotated[list[str], typer.Option(help="Endpoint of a router; repeatable.")],
+    wait_s: Annotated[float, typer.Option(min=0.1, help="How long to listen, seconds.")] = 3.0,
+) -> None:
+    """Explain what is seen of the robots of a mapping file; exit code 1 when one is amiss."""
+    from homsense_cli.ros2 import run_check
+
+    if not run_check(mapping, router, wait_s, Console()):
+        sys.exit(FAILED)
+
+
+zenoh = typer.Typer(help="The zenoh network (docs/operation.md).", no_args_is_help=True)
+app.add_typer(zenoh, name="zenoh")
+
+
+@zenoh.command("access-control")
+def zenoh_access_control(
+    device: Annotated[list[str], typer.Option(help="Name of a device; repeatable.")],
+    by: Annotated[str, typer.Option(help="certificate or password.")] = "certificate",
+    prefix: Annotated[str, typer.Option(help="What all keys begin with.")] = "homsense",
+    router: Annotated[bool, typer.Option(help="For a router, not the service.")] = False,
+) -> None:
+    """Print the access control of a zenoh configuration: each device has its own keys only."""
+    import json
+
+    from homsense_service.bridge.access_control import IDENTITIES, access_control
+
+    if by not in IDENTITIES:
+        message = f"--by must be one of {', '.join(IDENTITIES)}, not {by!r}"
+        raise ValueError(message)
+    made = access_control(device, prefix, IDENTITIES[by], names_service=router)
+    typer.echo(json.dumps({"access_control": made}, indent=1))
+
+
 bench = typer.Typer(help="Measure; every figure with its controls.", no_args_is_help=True)
 app.add_typer(bench, name="bench")
 

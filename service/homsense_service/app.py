@@ -24,6 +24,8 @@ from homsense_service.limiting import BoundedConcurrency, RateLimit
 from homsense_service.manners import Manners
 from homsense_service.metrics import Metrics, TimedRequests
 from homsense_service.operations import Operations
+from homsense_service.ros2.mapping import read_mapping
+from homsense_service.ros2.robots import Robot
 from homsense_service.routes import (
     expectations,
     health,
@@ -42,6 +44,7 @@ from homsense_service.streams import Streams
 from homsense_service.warming import Warming
 
 TIDY_EVERY_S = 20.0
+ROBOT_IDS = 10
 
 _log = logging.getLogger(__name__)
 
@@ -129,9 +132,16 @@ async def _on_network(
     if not is_wanted(settings):
         yield
         return
-    joining = Joining(
-        lambda: open_network(settings), lambda network: Bridge(network, house, settings)
-    )
+    mapping = None if settings.ros2_mapping is None else read_mapping(settings.ros2_mapping)
+
+    def bridged(network: zenoh.Session) -> Bridge:
+        bridge = Bridge(network, house, settings)
+        if mapping is not None:
+            for number, row in enumerate(mapping.robots):
+                Robot(row, mapping.graph, network, bridge, ROBOT_IDS * number)
+        return bridge
+
+    joining = Joining(lambda: open_network(settings), bridged)
     try:
         yield
     finally:

@@ -12,6 +12,7 @@ from homsense_service import logs
 from homsense_service.app import create_app
 from homsense_service.bridge import transport
 from homsense_service.errors import StoreError
+from homsense_service.ros2.mapping import read_mapping
 from homsense_service.settings import Settings
 from homsense_service.store import SqliteStore
 from homsense_service.streams import Streams
@@ -39,6 +40,8 @@ def serve(settings: Settings) -> None:
     """
     store = SqliteStore(settings.data)
     try:
+        if settings.ros2_mapping is not None:
+            read_mapping(settings.ros2_mapping)
         _check_access(settings, has_keys=bool(store.api_keys()))
         listening = socket.create_server((settings.host, settings.port))
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)

@@ -45,6 +45,9 @@ class Settings(BaseSettings):
         gt=0.0,
         description="A device that is offline for so long leaves the memory, seconds.",
     )
+    ros2_mapping: Path | None = Field(
+        default=None, description="A file (TOML) that says which ROS 2 robots there are."
+    )
     cors_origins: list[str] = Field(
         default=[], description="Origins whose pages may call, a JSON list; none by default."
     )

@@ -3,12 +3,14 @@
 import asyncio
 import logging
 import time
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import NamedTuple
 
 import zenoh
 
+import homsense
 from homsense_service.bridge.device import Desk, Device, closed
 from homsense_service.bridge.devices import Devices
 from homsense_service.bridge.encodings import Stamp, stamp_of
@@ -38,6 +40,7 @@ _log = logging.getLogger(__name__)
 
 WORKERS, OPENERS, DOORS = 8, 4, 64
 TICK_S = 0.5
+AGAIN_S = 5.0
 
 
 class House(NamedTuple):
@@ -98,6 +101,7 @@ class Bridge:
             self._events.tell,
             self._devices.forget,
         )
+        self._listeners: dict[str, Callable[[Device, bytes], None]] = {}
         house.streams.listeners.append(self._publish)
         self._token = network.liveliness().declare_token(keys.service(str(network.zid())))
         network.declare_subscriber(keys.of_device("*", "imu"), self._on_motion)
@@ -207,6 +211,47 @@ class Bridge:
         except Exception as error:  # noqa: BLE001 - whoever asks is answered
             request.refuse(error)
 
+    def device(self, name: str) -> Device:
+        """Return a device or raise `DeviceNotFoundError`."""
+        return self._devices.get(name)
+
+    def listen(self, name: str, take: Callable[[Device, bytes], None]) -> None:
+        """Tell somebody of the poses of a device."""
+        self._listeners[name] = take
+
+    def tell(self, name: str, code: str, detail: str) -> None:
+        """Tell a device what went wrong."""
+        self._events.tell(name, code, detail)
+
+    def let_in_known(self, name: str, asked: OpenIn, opened: Callable[[int], None]) -> None:
+        """Open a session for a device that the operator has named, as soon as its site can.
+
+        Parameters
+        ----------
+        name : str
+            Of the device.
+        asked : OpenIn
+            What it is to have.
+        opened : callable
+            Told the number of its last input.
+        """
+
+        def attempt() -> None:
+            try:
+                binding = self._opening.granted(name, asked, self._devices.binding(name))
+                self._devices.adopt(binding)
+                number = self._house.operations.sessions.get(binding.session).fix.seq
+            except (ServiceError, homsense.HomsenseError) as error:
+                _log.warning("%s has no session yet: %s", name, error)
+                self._later(AGAIN_S, again)
+            else:
+                opened(number)
+
+        def again() -> None:
+            self._doors[hash(name) % DOORS].post(attempt)
+
+        again()
+
     def _close(self, device: Device, request: Request) -> None:
         try:
             self._house.operations.sessions.close(device.session)
@@ -226,6 +271,9 @@ class Bridge:
             return
         try:
             device.publish(frame)
+            listener = self._listeners.get(device.name)
+            if listener is not None:
+                listener(device, frame)
         except (zenoh.ZError, SessionNotFoundError) as error:
             _log.info("a pose of %s was not sent: %s", device.name, error)
 

@@ -17,7 +17,7 @@ from homsense_service.bridge.encodings import (
     particles_of,
 )
 from homsense_service.bridge.inbox import Inbox
-from homsense_service.bridge.inputs import Input, Scan
+from homsense_service.bridge.inputs import FloatArray, Input, Scan
 from homsense_service.bridge.lanes import Job, Lane
 from homsense_service.bridge.outputs import PARTICLES_AT_ONCE, Output
 from homsense_service.bridge.presence import Presence
@@ -29,10 +29,10 @@ from homsense_service.errors import (
     TokenError,
 )
 from homsense_service.operations import Operations
-from homsense_service.records import Binding
+from homsense_service.records import Binding, StoredReading
 from homsense_service.rendering_poses import pose_json
 from homsense_service.runs import Step
-from homsense_service.schemas.wire import unix_seconds
+from homsense_service.schemas.wire import Landmarks, unix_seconds
 
 RETRY_S = 1.0
 
@@ -109,6 +109,27 @@ class Device:
         """Take a scan that nobody waits for."""
         self._post(partial(self._hear, number, payload))
 
+    def take(self, *given: Input) -> None:
+        """Take inputs that are values already.
+
+        Raises
+        ------
+        SessionNotFoundError
+            If the session has gone.
+        """
+        self._desk.operations.sessions.site_of(self.session)
+        self.presence.heard(self._desk.clock())
+        self._post(partial(self._put, *given))
+
+    def heard(self, landmarks: Landmarks) -> tuple[StoredReading, ...]:
+        """Return what was heard as the site of the session keeps it."""
+        return self._desk.operations.heard(self.session, landmarks)
+
+    def some_particles(self) -> FloatArray:
+        """Return some particles of equal weight: x m, y m, heading rad."""
+        pose = self._desk.operations.sessions.get(self.session).fix.pose
+        return pose.poses[pose.thinned(PARTICLES_AT_ONCE)]
+
     def ask(self, request: Request, number: int) -> None:
         """Take a request."""
         handle = self._handlers[request.method]
@@ -118,7 +139,7 @@ class Device:
     def publish(self, frame: bytes) -> None:
         """Send the pose after a step, whoever has posted it, and particles if they are read."""
         self._output.pose(frame)
-        self._output.particles(self._desk.clock(), self._particles)
+        self._output.particles(self._desk.clock(), lambda: particles_of(self.some_particles()))
 
     def close(self) -> None:
         """Send no more."""
@@ -255,10 +276,6 @@ class Device:
 
     def _wake_in(self, seconds: float) -> None:
         self._desk.later(max(0.0, seconds), lambda: self._post(_nothing))
-
-    def _particles(self) -> bytes:
-        pose = self._desk.operations.sessions.get(self.session).fix.pose
-        return particles_of(pose.poses[pose.thinned(PARTICLES_AT_ONCE)])
 
 
 def closed(session: str) -> bytes:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 VERSION = "@v1"
 METHODS = ("open", "scan", "steps", "last", "close")
-_DEVICE = re.compile(r"[A-Za-z0-9_.-]{1,64}")
+DEVICE = r"[A-Za-z0-9_.-]{1,64}"
 
 
 def is_device(name: str) -> bool:
@@ -16,7 +16,7 @@ def is_device(name: str) -> bool:
     >>> is_device("r1"), is_device("*"), is_device("a/b")
     (True, False, False)
     """
-    return _DEVICE.fullmatch(name) is not None
+    return re.fullmatch(DEVICE, name) is not None
 
 
 class KeySpace(NamedTuple):

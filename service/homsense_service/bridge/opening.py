@@ -72,22 +72,29 @@ class Opening:
         """
         caller = self._ring.caller(asked.key)
         caller.check("localize")
-        former = None if before is None else self._site_of(before)
-        if former is not None and not caller.sees(former):
+        if before is not None and not caller.sees(self._site_of(before) or ""):
             message = f"device {device!r} streams into a session that this key does not see"
             raise ForbiddenError(message)
-        if before is not None and former is not None and before.nonce == asked.nonce:
-            return before
         if asked.site is not None and not caller.sees(asked.site):
             raise SiteNotFoundError(asked.site)
+        if asked.session is not None:
+            site = self._operations.sessions.site_of(asked.session)
+            if not caller.sees(site):
+                raise SessionNotFoundError(asked.session)
+        return self.granted(device, asked, before, caller.name)
+
+    def granted(
+        self, device: str, asked: OpenIn, before: Binding | None, key: str = ""
+    ) -> Binding:
+        """Return the binding of a device that may have it."""
+        if before is not None and before.nonce == asked.nonce and self._site_of(before):
+            return before
         session = asked.session
         if session is None:
             assert asked.site is not None
             session = self._operations.open_session(asked.site, asked.options).name
-        elif not caller.sees(self._operations.sessions.site_of(session)):
-            raise SessionNotFoundError(session)
         token = secrets.token_bytes(TOKEN_BYTES)
-        binding = Binding(device, session, asked.nonce, token, caller.name, asked.pose_hz)
+        binding = Binding(device, session, asked.nonce, token, key, asked.pose_hz)
         self._operations.bind(binding)
         return binding
 
