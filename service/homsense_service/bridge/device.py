@@ -23,6 +23,7 @@ from homsense_service.bridge.outputs import PARTICLES_AT_ONCE, Output
 from homsense_service.bridge.presence import Presence
 from homsense_service.bridge.requests import Expected, Request
 from homsense_service.errors import (
+    OverloadError,
     SequenceConflictError,
     ServiceError,
     SessionNotFoundError,
@@ -131,10 +132,11 @@ class Device:
         return pose.poses[pose.thinned(PARTICLES_AT_ONCE)]
 
     def ask(self, request: Request, number: int) -> None:
-        """Take a request."""
+        """Take a request, or raise `OverloadError`."""
         handle = self._handlers[request.method]
         if not self._lane.post(partial(self._guarded, request, partial(handle, request, number))):
-            self._desk.tell(self.name, "overflow", "too many messages wait")
+            message = "too many messages of this device wait"
+            raise OverloadError(message)
 
     def publish(self, frame: bytes) -> None:
         """Send the pose after a step, whoever has posted it, and particles if they are read."""
