@@ -76,13 +76,17 @@ def fleet(
     s_max_m: Annotated[float, typer.Option(min=1.0, help="Sensing range, metres.")] = 72.0,
     phones: Annotated[int, typer.Option(min=1, help="How many walk.")] = 40,
     scans: Annotated[int, typer.Option(min=1, help="Scans of each phone.")] = 130,
+    robots: Annotated[int, typer.Option(min=0, help="How many drive, after that.")] = 0,
+    zenoh_at: Annotated[
+        str | None, typer.Option("--zenoh", help="Where robots stream; over REST when absent.")
+    ] = None,
     seed: SeedOption = 0,
 ) -> None:
-    """Map a site of a running service with simulated phones."""
+    """Map a site of a running service with simulated phones, and drive robots in it."""
     from homsense_fleet.driver import Crowd
     from homsense_fleet.world import Radio, downtown_44, world_from_geojson
 
-    from homsense_cli.fleet import run_fleet
+    from homsense_cli.fleet import Fleet, drive_fleet, run_fleet
     from homsense_cli.maps import read_map
 
     radio = Radio(s_max_m=s_max_m)
@@ -93,6 +97,8 @@ def fleet(
             read_map(map_file, window_m), seed, n_transmitters=transmitters, radio=radio, name=site
         )
     run_fleet(url, site, world, Crowd(seed, phones, scans), Console(), key=key)
+    if robots:
+        drive_fleet(url, site, world, Fleet(robots, seed, zenoh_at), Console(), key=key)
 
 
 @app.command()

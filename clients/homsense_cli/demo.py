@@ -6,6 +6,7 @@ import time
 from pathlib import Path
 
 from homsense_client import Client
+from homsense_client.streaming import connect
 from homsense_fleet.driver import Crowd
 from homsense_fleet.world import downtown_44
 from rich.console import Console
@@ -14,6 +15,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from homsense_cli.demo_run import (
     Moment,
     Run,
+    Ways,
     drive_robot,
     every,
     final_median,
@@ -22,7 +24,7 @@ from homsense_cli.demo_run import (
     prepare_site,
 )
 from homsense_cli.figures import draw_all
-from homsense_cli.local_service import local_service
+from homsense_cli.local_service import free_port, local_service
 
 LENGTH_M = 1500.0
 TIMEOUT_S = 300.0
@@ -54,7 +56,13 @@ def run_demo(seed: int, out: Path, console: Console) -> dict[str, object]:
         TimeElapsedColumn(),
         console=console,
     )
-    with local_service() as url, Client(url, timeout_s=TIMEOUT_S) as client, bars:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with (
+        local_service(zenoh_listen=json.dumps([endpoint])) as url,
+        Client(url, timeout_s=TIMEOUT_S) as client,
+        connect(endpoint) as network,
+        bars,
+    ):
         site = world.name
         prepare_site(client, site, world)
         crowd = Crowd(seed)
@@ -86,10 +94,11 @@ def run_demo(seed: int, out: Path, console: Console) -> dict[str, object]:
                 console.print(
                     f"{moment.travelled_m:5.0f} m: error {moment.error_m:6.1f} m"
                     f"   (motion and walls only: {moment.baseline_m:6.1f} m)"
+                    f"   zenoh {'=' if moment.is_same else '!'}= REST"
                 )
 
         moments, snapshots, hops = drive_robot(
-            client, site, world, seed=seed, length_m=LENGTH_M, on_moment=on_moment
+            Ways(client, network), site, world, seed=seed, length_m=LENGTH_M, on_moment=on_moment
         )
         run = Run(
             scenario=world.name,
@@ -125,12 +134,18 @@ def _write(run: Run, out: Path, started: float, console: Console) -> dict[str, o
         "error_m": [round(moment.error_m, 2) for moment in every(run.moments, 100.0)],
         "final_median_error_m": round(final_median(run.moments, lambda m: m.error_m), 2),
         "baseline_no_homology_m": round(final_median(run.moments, lambda m: m.baseline_m), 2),
+        "steps": len(run.moments),
+        "steps_equal_over_rest_and_zenoh": sum(moment.is_same for moment in run.moments),
         "seconds": round(time.monotonic() - started, 1),
     }
     (out / "report.json").write_text(json.dumps(report, indent=1) + "\n")
     console.print(
         f"median error over the last 300 m: {report['final_median_error_m']} m "
         f"(motion and walls only: {report['baseline_no_homology_m']} m)"
+    )
+    console.print(
+        f"over REST and zenoh {report['steps_equal_over_rest_and_zenoh']} of {report['steps']} "
+        "poses are the same, to the last bit"
     )
     for path in [out / "report.json", *pictures]:
         console.print(f"wrote {path}", soft_wrap=True)

@@ -6,12 +6,13 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from statistics import median
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from homsense_client import AsyncClient, Client, Complex, Expectation, Pose, Session
+from homsense_client.streaming import Network, Robot
 from homsense_fleet.device import DriveStep, drive
-from homsense_fleet.driver import Crowd, map_site
+from homsense_fleet.driver import Crowd, Report, map_site, over_rest, over_zenoh
 from homsense_fleet.world import World
 
 LAST_M = 300.0
@@ -37,6 +38,8 @@ class Moment:
         Distance from the top mode to the truth, metres.
     baseline_m : float
         The same without homology: motion and walls only.
+    is_same : bool
+        Whether the particles are the same over REST and zenoh, to the last bit.
     """
 
     travelled_m: float
@@ -44,12 +47,20 @@ class Moment:
     holes: tuple[float, ...] | None
     error_m: float
     baseline_m: float
+    is_same: bool
 
     def showing(self, levels: Sequence[int]) -> "Moment":
         """Return the moment with some of its counts."""
         if self.holes is None:
             return self
         return replace(self, holes=tuple(self.holes[level] for level in levels))
+
+
+class Ways(NamedTuple):
+    """Both ways to one service."""
+
+    rest: Client
+    zenoh: Network
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +114,7 @@ def map_world(
 
 
 def drive_robot(
-    client: Client,
+    ways: Ways,
     site: str,
     world: World,
     *,
@@ -111,12 +122,14 @@ def drive_robot(
     length_m: float,
     on_moment: Callable[[Moment], None],
 ) -> tuple[list[Moment], list[Snapshot], tuple[int, ...]]:
-    """Drive a robot from an unknown start; a twin session runs without homology.
+    """Drive a robot from an unknown start, over REST and, side by side, over zenoh.
+
+    Another session runs without homology.
 
     Parameters
     ----------
-    client : Client
-        The service.
+    ways : Ways
+        To the service.
     site : str
         A mapped site.
     world : World
@@ -142,11 +155,14 @@ def drive_robot(
     moments: list[Moment] = []
     snapshots: list[Snapshot] = []
     with (
-        client.open_session(site, seed=seed, sensor=HOMOLOGY) as robot,
-        client.open_session(site, seed=seed, sensor=HOMOLOGY) as blind,
+        ways.rest.open_session(site, seed=seed, sensor=HOMOLOGY) as robot,
+        ways.rest.open_session(site, seed=seed, sensor=HOMOLOGY) as blind,
+        Robot(ways.zenoh, f"{site}-robot", encoding="json") as streaming,
     ):
+        streaming.open(site, seed=seed, sensor=HOMOLOGY)
+        reports = over_rest(robot), over_zenoh(streaming)
         for step in steps:
-            moments.append(_advance(robot, blind, step))
+            moments.append(_advance(reports, blind, step))
             on_moment(moments[-1])
             if step.seq in pictured:
                 visible = [entry["id"] for entry in step.scan]
@@ -173,11 +189,16 @@ def learn(client: Client, site: str, on_world: Callable[[int, int], None]) -> Ex
     return told
 
 
-def _advance(robot: Session, blind: Session, step: DriveStep) -> Moment:
-    pose = robot.step(step.delta, step.scan, t=step.t)
+def _advance(reports: tuple[Report, Report], blind: Session, step: DriveStep) -> Moment:
+    posted, streamed = (report(step) for report in reports)
     other = blind.step(step.delta, t=step.t)
     return Moment(
-        step.travelled_m, step.truth, pose.holes, _error(pose, step), _error(other, step)
+        step.travelled_m,
+        step.truth,
+        posted.holes,
+        _error(posted, step),
+        _error(other, step),
+        streamed.digest == posted.digest,
     )
 
 

@@ -1,15 +1,20 @@
-"""Devices at work: phones post their scans side by side."""
+"""Devices at work: phones post their scans side by side, robots drive over REST or zenoh."""
 
 import asyncio
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from homsense_client import AsyncClient
+from homsense_client import AsyncClient, Pose, Session
+from homsense_client.streaming import Robot
 
-from homsense_fleet.device import phone_scans
+from homsense_fleet.device import DriveStep, drive, phone_scans
 from homsense_fleet.world import World
+
+Report = Callable[[DriveStep], Pose]
+"""Tells the service of a step of a robot, and returns where it believes the robot to be."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,3 +82,49 @@ async def map_site(
         return accepted
 
     return sum(await asyncio.gather(*(walk(number) for number in range(crowd.phones))))
+
+
+def over_rest(session: Session) -> Report:
+    """Return how a robot reports by requests."""
+    return lambda step: session.step(step.delta, step.scan, t=step.t)
+
+
+def over_zenoh(robot: Robot) -> Report:
+    """Return how a robot reports by streaming; the same steps give the same poses."""
+
+    def report(step: DriveStep) -> Pose:
+        robot.move(step.delta)
+        return robot.scan(step.scan, t=step.t)
+
+    return report
+
+
+def drive_robot(
+    world: World, seed: int, number: int, report: Report, *, length_m: float = 1500.0
+) -> list[float]:
+    """Drive a robot on the roads; return how far off the service was after each step, metres.
+
+    Parameters
+    ----------
+    world : World
+        Where it drives.
+    seed : int
+        Of the fleet.
+    number : int
+        Of the robot; decides its route and its noise.
+    report : callable
+        From `over_rest` or `over_zenoh`.
+    length_m : float, default 1500.0
+        Way to drive, metres.
+
+    Returns
+    -------
+    list of float
+        One for each step.
+    """
+    rng = np.random.default_rng([seed, 2, number])
+    errors = []
+    for step in drive(world, rng, length_m=length_m):
+        best = report(step).best
+        errors.append(math.dist((best.x_m, best.y_m), step.truth[:2]))
+    return errors
