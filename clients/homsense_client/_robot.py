@@ -17,11 +17,17 @@ from homsense_client import _models as models
 from homsense_client import _protocol as protocol
 from homsense_client import _stream_protocol as wire
 from homsense_client._retry import Retry, is_transient
-from homsense_client.errors import ConnectError, RequestTimeoutError, UnavailableError
+from homsense_client.errors import (
+    ConflictError,
+    ConnectError,
+    RequestTimeoutError,
+    UnavailableError,
+)
 
 LEASE_MS = 4000
 OPEN_TIMEOUT_S = 60.0
 _TIMEOUT = "Timeout"
+_RENUMBERED = 3
 
 OnPose = Callable[[models.Pose], object]
 OnEvent = Callable[[dict[str, Any]], object]
@@ -247,18 +253,25 @@ class Robot:
         Returns
         -------
         Pose
-            After the scan and all motion before it.
+            After the scan and all motion before it. A scan that the service had given up waiting
+            for, or that somebody else's steps have overtaken, is sent again as a later one.
 
         Raises
         ------
         ClientError
             If it was refused, or nobody has answered after all retries.
         """
+        heard: dict[str, Any] = {"landmarks": list(landmarks), "t": t}
         with self._lock:
             first = self._number - len(self._pending) + 1
-            body = {"landmarks": list(landmarks), "t": t, self._kind: self._pending}
+            body = {**heard, self._kind: self._pending}
             self._pending = []
             self._number += 1
+        for _ in range(_RENUMBERED):
+            try:
+                return models.Pose.from_json(self._ask("scan", body, first))
+            except ConflictError:
+                first, body = self._next_number(), heard
         return models.Pose.from_json(self._ask("scan", body, first))
 
     def steps(self, steps: Iterable[Mapping[str, Any]]) -> models.Pose:
@@ -319,6 +332,14 @@ class Robot:
                 yield latest.get(timeout=timeout_s)
             except queue.Empty:
                 return
+
+    def _next_number(self) -> int:
+        """Return a number behind all that the service has taken or given up."""
+        through = self.last().seq
+        with self._lock:
+            self.flush()
+            self._number = max(self._number, through) + 1
+            return self._number
 
     def _key(self, what: str) -> str:
         return wire.key(self._prefix, self.device, what)

@@ -53,7 +53,8 @@ class Metrics:
         )
         self.stages = Histogram(
             "homsense_stage_seconds",
-            "Time of a stage: measure (a scan), filter (a step), absorb (scans into the complex).",
+            "Time of a stage: measure (a scan), filter (a step), step (all of a request with "
+            "steps, until they are on disk), absorb (scans into the complex).",
             ["stage"],
             buckets=[1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1, 3],
             registry=self._registry,

@@ -278,7 +278,8 @@ class Operations:
         def apply(session: Session) -> Answer:
             return session.apply(steps, partial(answer, session), session.site.receive)
 
-        answered, session = self._awake(name, apply)
+        with self.watch("step"):
+            answered, session = self._awake(name, apply)
         if session.contributes:
             self.sites.catch_up(session.site)
         return answered

@@ -2,6 +2,7 @@
 
 import hmac
 import json
+import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from functools import partial
@@ -92,6 +93,8 @@ class Device:
         self._desk, self._output = desk, output
         self._lane = Lane(desk.pool, self._step)
         self._inbox: Inbox | None = None
+        self._changing = threading.Lock()
+        self._wakes_s = float("inf")
         self._asked: dict[int, list[Request]] = {}
         self._handlers = {"scan": self._scan, "steps": self._steps, "last": self._last}
 
@@ -103,24 +106,35 @@ class Device:
         return stamp
 
     def move(self, number: int, encoding: str, payload: bytes) -> None:
-        """Take motion."""
-        self._post(partial(self._move, number, encoding, payload))
+        """Take motion; the lane has nothing to do before a step is due."""
+        try:
+            moving = motion_of(encoding, payload, number)
+        except Expected as error:
+            self._desk.tell(self.name, "decode", str(error))
+            return
+        self.take(moving)
 
     def hear(self, number: int, payload: bytes) -> None:
         """Take a scan that nobody waits for."""
         self._post(partial(self._hear, number, payload))
 
-    def take(self, *given: Input) -> None:
-        """Take inputs that are values already.
-
-        Raises
-        ------
-        SessionNotFoundError
-            If the session has gone.
-        """
+    def check_session(self) -> None:
+        """Take note of a sign of life; raise `SessionNotFoundError` if the session has gone."""
         self._desk.operations.sessions.site_of(self.session)
         self.presence.heard(self._desk.clock())
-        self._post(partial(self._put, *given))
+
+    def take(self, *given: Input) -> None:
+        """Take inputs that are values already."""
+        inbox = self._inbox
+        if inbox is None:
+            self._post(partial(self._put_first, *given))
+            return
+        self._put(inbox, *given)
+        wait_s = inbox.due_s - self._desk.clock()
+        if wait_s <= 0.0:
+            self._post(_nothing)
+        else:
+            self._wake_in(wait_s)
 
     def heard(self, landmarks: Landmarks) -> tuple[StoredReading, ...]:
         """Return what was heard as the site of the session keeps it."""
@@ -157,25 +171,23 @@ class Device:
             self._inbox = Inbox(fix.seq, fix.t, 1.0 / self.binding.pose_hz)
         return self._inbox
 
-    def _move(self, number: int, encoding: str, payload: bytes) -> None:
-        try:
-            self._put(motion_of(encoding, payload, number))
-        except SessionNotFoundError as error:
-            self._end(error)
-        except Expected as error:
-            self._desk.tell(self.name, "decode", str(error))
-
     def _hear(self, number: int, payload: bytes) -> None:
         try:
-            self._put(*self._read(number, payload))
+            self._put(self._open_inbox(), *self._read(number, payload))
         except SessionNotFoundError as error:
             self._end(error)
         except Expected as error:
             self._desk.tell(self.name, "decode", str(error))
 
-    def _put(self, *given: Input) -> None:
-        inbox = self._open_inbox()
-        has_room = [inbox.put(each, self._desk.clock()) for each in given]
+    def _put_first(self, *given: Input) -> None:
+        try:
+            self._put(self._open_inbox(), *given)
+        except SessionNotFoundError as error:
+            self._end(error)
+
+    def _put(self, inbox: Inbox, *given: Input) -> None:
+        with self._changing:
+            has_room = [inbox.put(each, self._desk.clock()) for each in given]
         if not all(has_room):
             self._desk.tell(self.name, "overflow", "too many inputs wait; the oldest are missing")
 
@@ -199,8 +211,9 @@ class Device:
 
     def _scan(self, request: Request, number: int) -> None:
         *before, scan = self._read(number, request.payload)
-        if scan.first > self._open_inbox().through:
-            self._put(*before, scan)
+        inbox = self._open_inbox()
+        if scan.first > inbox.through:
+            self._put(inbox, *before, scan)
             self._asked.setdefault(scan.first, []).append(request)
             return
         operations = self._desk.operations
@@ -222,7 +235,8 @@ class Device:
         """Take the steps that can be taken now."""
         if self._inbox is None:
             return
-        plan = self._inbox.plan(self._desk.clock())
+        with self._changing:
+            plan = self._inbox.plan(self._desk.clock())
         for steps in _up_to_scans(plan.steps, self._asked):
             if not self._take(steps):
                 return
@@ -247,12 +261,14 @@ class Device:
             self._desk.tell(self.name, "unavailable", str(error))
             self._wake_in(RETRY_S)
         except homsense.HomsenseError as error:
-            self._inbox.go_on_from(steps[-1].seq, steps[-1].t)
+            with self._changing:
+                self._inbox.go_on_from(steps[-1].seq, steps[-1].t)
             self._refuse(error, steps[-1].seq)
             self._desk.tell(self.name, "decode", str(error))
             self._wake_in(0.0)
         else:
-            self._inbox.taken(steps, self._desk.clock())
+            with self._changing:
+                self._inbox.taken(steps, self._desk.clock())
             for request in self._asked.pop(steps[-1].seq, ()):
                 request.answer(frame)
             self._desk.took(self.session, len(steps), frame)
@@ -262,7 +278,9 @@ class Device:
     def _catch_up(self) -> None:
         """Go on behind the steps that were posted another way."""
         fix = self._desk.operations.sessions.get(self.session).fix
-        self._open_inbox().go_on_from(fix.seq, fix.t)
+        inbox = self._open_inbox()
+        with self._changing:
+            inbox.go_on_from(fix.seq, fix.t)
 
     def _refuse(self, error: Exception, through: int) -> None:
         for number in [number for number in self._asked if number <= through]:
@@ -277,16 +295,23 @@ class Device:
         self._desk.forget(self.name)
 
     def _wake_in(self, seconds: float) -> None:
-        self._desk.later(max(0.0, seconds), lambda: self._post(_nothing))
+        """Look at the inbox after some time, unless that will be done before anyway."""
+        at_s = self._desk.clock() + max(0.0, seconds)
+        if at_s < self._wakes_s:
+            self._wakes_s = at_s
+            self._desk.later(max(0.0, seconds), lambda: self._post(self._wake))
+
+    def _wake(self) -> None:
+        self._wakes_s = float("inf")
+
+
+def _nothing() -> None:
+    """Let the lane look at its inbox."""
 
 
 def closed(session: str) -> bytes:
     """Return the answer to the end of a session."""
     return json.dumps({"session": session, "closed": True}).encode()
-
-
-def _nothing() -> None:
-    """Let the lane look at its inbox."""
 
 
 def _up_to_scans(steps: list[Step], asked: dict[int, list[Request]]) -> Iterator[list[Step]]:

@@ -13,7 +13,7 @@ from homsense_service.bridge.inputs import Input, Moving, Scan
 from homsense_service.own_motion import Motion
 from homsense_service.runs import Step
 
-PATIENCE_S = 0.05
+PATIENCE_S = 0.2
 MOST_WAITING = 4096
 
 
@@ -57,6 +57,7 @@ class Inbox:
     def __init__(self, through: int, t: float | None, pause_s: float) -> None:
         self.through, self._t, self._pause_s = through, t, pause_s
         self._waiting: list[_Waiting] = []
+        self._scans = 0
         self._pace: Moving | None = None
         self._stepped_s = float("-inf")
 
@@ -77,13 +78,25 @@ class Inbox:
         """
         if given.following > self.through + 1:
             insort(self._waiting, _Waiting(given.first, now_s, given), key=lambda w: w.first)
+            self._scans += isinstance(given, Scan)
         if len(self._waiting) <= MOST_WAITING:
             return True
-        del self._waiting[0]
+        gone = self._waiting.pop(0)
+        self._scans -= isinstance(gone.given, Scan)
         return False
+
+    @property
+    def due_s(self) -> float:
+        """When there is something to plan, seconds; never when nothing waits."""
+        if self._scans:
+            return float("-inf")
+        return self._stepped_s + self._pause_s if self._waiting else float("inf")
 
     def plan(self, now_s: float) -> Plan:
         """Return the steps that can be taken now; they stay here until they were `taken`."""
+        due_s = self.due_s
+        if now_s < due_s:
+            return Plan([], 0, due_s if self._waiting else None)
         walk = _Walk(self.through + 1, self._t, self._pace)
         wake_s = None
         for _, came_s, given in self._waiting:
@@ -95,11 +108,11 @@ class Inbox:
                     break
                 walk.leap(given)
             walk.go(given)
-        due_s = self._stepped_s + self._pause_s
-        if walk.steps or now_s >= due_s:
+        free_s = self._stepped_s + self._pause_s
+        if walk.steps or now_s >= free_s:
             walk.stop()
         elif walk.moved:
-            wake_s = due_s if wake_s is None else min(wake_s, due_s)
+            wake_s = free_s if wake_s is None else min(wake_s, free_s)
         return Plan(walk.steps, walk.lost, wake_s)
 
     def taken(self, steps: list[Step], now_s: float) -> None:
@@ -111,8 +124,10 @@ class Inbox:
     def go_on_from(self, number: int, t: float | None) -> None:
         """Forget all inputs up to a number."""
         gone = [w.given for w in self._waiting if w.given.following <= number + 1]
-        self._pace = next((g for g in reversed(gone) if not isinstance(g, Scan)), self._pace)
         self._waiting = [w for w in self._waiting if w.given.following > number + 1]
+        motion = [given for given in gone if not isinstance(given, Scan)]
+        self._scans -= len(gone) - len(motion)
+        self._pace = motion[-1] if motion else self._pace
         self.through, self._t = number, t
 
 

@@ -163,7 +163,9 @@ class Robot:
                 inputs = take(sample.payload.to_bytes())
                 if inputs:
                     self._number = inputs[-1].following - 1
-                    self._bridge.device(self._row.device).take(*inputs)
+                    device = self._bridge.device(self._row.device)
+                    device.check_session()
+                    device.take(*inputs)
         except (SessionNotFoundError, DeviceNotFoundError):
             self._is_open = False
             self.open()
