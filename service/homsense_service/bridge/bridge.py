@@ -4,7 +4,6 @@ import asyncio
 import logging
 import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import NamedTuple
 
@@ -15,7 +14,7 @@ from homsense_service.bridge.device import Desk, Device, closed
 from homsense_service.bridge.devices import Devices
 from homsense_service.bridge.encodings import Stamp, stamp_of
 from homsense_service.bridge.keyspace import METHODS, KeySpace
-from homsense_service.bridge.lanes import Job, Lane
+from homsense_service.bridge.lanes import Job, Lane, Workers
 from homsense_service.bridge.opening import OpenIn, Opening
 from homsense_service.bridge.outputs import Events, Output
 from homsense_service.bridge.presence import Presence
@@ -85,15 +84,15 @@ class Bridge:
         self._loop = asyncio.get_running_loop()
         self._keys = keys = KeySpace(settings.zenoh_prefix)
         self._clock = time.monotonic
-        self._pool = ThreadPoolExecutor(WORKERS, "device")
-        self._openers = ThreadPoolExecutor(OPENERS, "opening")
+        self._workers = Workers(WORKERS, "device")
+        self._openers = Workers(OPENERS, "opening")
         self._doors = [Lane(self._openers) for _ in range(DOORS)]
         self._opening = Opening(house.operations, house.keys, settings)
         self._events = Events(network, keys, self._clock)
         self._devices = Devices(house.operations.bindings(), self._made, self._events.tell)
         self._desk = Desk(
             house.operations,
-            self._pool,
+            self._workers,
             self._clock,
             self._later,
             self._took,
@@ -115,8 +114,8 @@ class Bridge:
         self._ticking.cancel()
         self._house.streams.listeners.remove(self._publish)
         self._network.close()  # type: ignore[no-untyped-call]
-        for pool in (self._openers, self._pool):
-            pool.shutdown(wait=True, cancel_futures=True)
+        self._openers.close()
+        self._workers.close()
 
     def _made(self, binding: Binding) -> Device:
         output = Output(self._network, self._keys, binding.device)
@@ -178,7 +177,7 @@ class Bridge:
             self._ask(request)
         except ServiceError as error:
             self._house.metrics.refused.labels(str(told(error)["code"])).inc()
-            self._pool.submit(request.refuse, error)
+            self._workers.submit(partial(request.refuse, error))
 
     def _ask(self, request: Request) -> None:
         name = self._keys.device_of(request.key)
@@ -186,8 +185,8 @@ class Bridge:
             message = f"{request.key} is no request of a device: {', '.join(METHODS)}"
             raise MethodNotFoundError(message)
         self._house.metrics.inputs.labels(request.method).inc()
-        self._house.rate_limit.hit(f"device {name}")
         if request.method == "open":
+            self._house.rate_limit.hit(f"device {name}")
             self._check_size(len(request.payload))
             door = self._doors[hash(name) % DOORS]
             if not door.post(partial(self._let_in, name, request)):
@@ -197,7 +196,7 @@ class Bridge:
         stamp = None if request.attachment is None else stamp_of(request.attachment)
         device, sound = self._checked(name, stamp, len(request.payload))
         if request.method == "close":
-            self._pool.submit(self._close, device, request)
+            self._workers.submit(partial(self._close, device, request))
         else:
             device.ask(request, sound.number)
 

@@ -4,7 +4,6 @@ import hmac
 import json
 import threading
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor
 from functools import partial
 from typing import NamedTuple
 
@@ -19,7 +18,7 @@ from homsense_service.bridge.encodings import (
 )
 from homsense_service.bridge.inbox import Inbox
 from homsense_service.bridge.inputs import FloatArray, Input, Scan
-from homsense_service.bridge.lanes import Job, Lane
+from homsense_service.bridge.lanes import Job, Lane, Workers
 from homsense_service.bridge.outputs import PARTICLES_AT_ONCE, Output
 from homsense_service.bridge.presence import Presence
 from homsense_service.bridge.requests import Expected, Request
@@ -46,8 +45,8 @@ class Desk(NamedTuple):
     ----------
     operations : Operations
         What the service does.
-    pool : concurrent.futures.Executor
-        Runs the lanes.
+    workers : Workers
+        Do what waits in the lanes.
     clock : callable
         Returns seconds.
     later : callable
@@ -63,7 +62,7 @@ class Desk(NamedTuple):
     """
 
     operations: Operations
-    pool: Executor
+    workers: Workers
     clock: Callable[[], float]
     later: Callable[[float, Job], None]
     took: Callable[[str, int, bytes], None]
@@ -91,7 +90,7 @@ class Device:
         self.binding, self.presence = binding, presence
         self.name, self.session = binding.device, binding.session
         self._desk, self._output = desk, output
-        self._lane = Lane(desk.pool, self._step)
+        self._lane = Lane(desk.workers, self._step)
         self._inbox: Inbox | None = None
         self._changing = threading.Lock()
         self._wakes_s = float("inf")

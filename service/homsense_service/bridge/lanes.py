@@ -4,7 +4,7 @@ import logging
 import threading
 from collections import deque
 from collections.abc import Callable
-from concurrent.futures import Executor
+from queue import SimpleQueue
 
 _log = logging.getLogger(__name__)
 
@@ -14,19 +14,56 @@ AT_A_TIME = 32
 Job = Callable[[], None]
 
 
+class Workers:
+    """Threads that do jobs; leaner than an executor, since nobody waits for a result.
+
+    Parameters
+    ----------
+    count : int
+        How many.
+    name : str
+        Of the threads.
+    """
+
+    def __init__(self, count: int, name: str) -> None:
+        self._jobs: SimpleQueue[Job] = SimpleQueue()
+        self._is_open = True
+        self._threads = [
+            threading.Thread(target=self._work, name=f"{name}-{number}") for number in range(count)
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    def submit(self, job: Job) -> None:
+        """Do something soon."""
+        self._jobs.put(job)
+
+    def close(self) -> None:
+        """Finish what is being done, and leave the rest undone."""
+        self._is_open = False
+        for _ in self._threads:
+            self._jobs.put(_nothing)
+        for thread in self._threads:
+            thread.join()
+
+    def _work(self) -> None:
+        while self._is_open:
+            do(self._jobs.get())
+
+
 class Lane:
     """Jobs that are done one at a time, in order, by any thread of a pool.
 
     Parameters
     ----------
-    pool : concurrent.futures.Executor
+    workers : Workers
         Shared by all lanes; after some jobs a lane lets others go first.
     after : callable, optional
         Done whenever jobs were done.
     """
 
-    def __init__(self, pool: Executor, after: Job = lambda: None) -> None:
-        self._pool, self._after = pool, after
+    def __init__(self, workers: Workers, after: Job = lambda: None) -> None:
+        self._workers, self._after = workers, after
         self._jobs: deque[Job] = deque()
         self._lock = threading.Lock()
         self._is_running = False
@@ -40,30 +77,29 @@ class Lane:
             if self._is_running:
                 return True
             self._is_running = True
-        self._submit()
+        self._workers.submit(self._run)
         return True
-
-    def _submit(self) -> None:
-        try:
-            self._pool.submit(self._run)
-        except RuntimeError:
-            _log.debug("the service stops; a device's last messages are left undone")
 
     def _run(self) -> None:
         for _ in range(AT_A_TIME):
             if not self._jobs:
                 break
-            self._do(self._jobs.popleft())
-        self._do(self._after)
+            do(self._jobs.popleft())
+        do(self._after)
         with self._lock:
             self._is_running = bool(self._jobs)
             if not self._is_running:
                 return
-        self._submit()
+        self._workers.submit(self._run)
 
-    @staticmethod
-    def _do(job: Job) -> None:
-        try:
-            job()
-        except Exception:  # noqa: BLE001 - the lane goes on
-            _log.exception("a message of a device failed")
+
+def do(job: Job) -> None:
+    """Do something; a failure is logged."""
+    try:
+        job()
+    except Exception:  # noqa: BLE001 - the next job has a right to be done
+        _log.exception("a message of a device failed")
+
+
+def _nothing() -> None:
+    """Let a thread see that it is to end."""

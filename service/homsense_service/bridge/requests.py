@@ -13,6 +13,8 @@ from homsense_service.answers import invalid_request, known_problem
 from homsense_service.errors import ServiceError
 from homsense_service.problems import INTERNAL, MALFORMED_JSON, MEDIA_TYPE, problem
 
+JSON = zenoh.Encoding("application/json")
+
 _log = logging.getLogger(__name__)
 
 Expected = (ServiceError, homsense.HomsenseError, ValueError)
@@ -57,7 +59,7 @@ class Request:
 
     def answer(self, body: bytes) -> None:
         """Give the answer, JSON."""
-        self._end(lambda: self._query.reply(self._key, body, encoding="application/json"))
+        self._end(lambda: self._query.reply(self._query.key_expr, body, encoding=JSON))
 
     def refuse(self, error: Exception) -> None:
         """Say what is wrong."""
