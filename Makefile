@@ -37,7 +37,7 @@ unit: $(READY) ## unit, property, contract and integration tests with coverage
 	@$(BIN)/coverage combine --quiet
 	@$(BIN)/coverage report --skip-covered
 
-proof: $(READY) ## slow proof: exactness, calibration, recovery, demos, 200 kills, 10^6 malformed inputs, soak, accuracy; DATA=recorded data
+proof: $(READY) ## slow proof: exactness, calibration, recovery, demos, 240 kills, 10^6 malformed inputs, soak, accuracy; DATA=recorded data
 	$(BIN)/python benchmarks/exactness.py
 	$(BIN)/python benchmarks/same_bits.py
 	$(BIN)/python benchmarks/calibration.py
@@ -45,6 +45,7 @@ proof: $(READY) ## slow proof: exactness, calibration, recovery, demos, 200 kill
 	$(BIN)/python benchmarks/contract.py
 	$(BIN)/python benchmarks/fuzz.py
 	$(BIN)/python benchmarks/kill_storm.py
+	$(BIN)/python benchmarks/stream_storm.py
 	$(BIN)/python benchmarks/soak.py
 	$(BIN)/python benchmarks/accuracy.py $(DATA)
 	$(if $(DATA),$(BIN)/python benchmarks/registered.py $(DATA))
@@ -57,6 +58,7 @@ proof: $(READY) ## slow proof: exactness, calibration, recovery, demos, 200 kill
 bench: $(READY) .venv-peers/.ready ## compare with peers in the same run; writes docs/performance.md
 	$(BIN)/python benchmarks/performance.py
 	$(BIN)/python benchmarks/load.py
+	$(BIN)/python benchmarks/streaming.py
 	$(BIN)/python benchmarks/startup.py
 
 format: $(READY) ## format and mend what can be mended

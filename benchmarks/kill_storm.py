@@ -36,14 +36,14 @@ RING = [[f"l{n}", f"l{(n + 1) % 12}", f"l{(n + 2) % 12}"] for n in range(12)]
 class Killed:
     """A service that is killed and started again on the same port and data."""
 
-    def __init__(self, data: Path) -> None:
-        self.data, self.port = data, free_port()
+    def __init__(self, data: Path, **settings: str) -> None:
+        self.data, self.port, self._settings = data, free_port(), settings
         self.starts = 0
         self.start()
 
     def start(self) -> None:
         """Start it and wait until it is ready."""
-        settings = {"DATA": self.data, "PORT": self.port, "ENGINE": "python"}
+        settings = {"DATA": self.data, "PORT": self.port, "ENGINE": "python", **self._settings}
         given = {f"HOMSENSE_{name}": str(value) for name, value in settings.items()}
         command = [sys.executable, "-m", "homsense_service"]
         self.process = subprocess.Popen(

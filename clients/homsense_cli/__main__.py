@@ -231,6 +231,20 @@ zenoh = typer.Typer(help="The zenoh network (docs/operation.md).", no_args_is_he
 app.add_typer(zenoh, name="zenoh")
 
 
+@zenoh.command("router")
+def zenoh_router(
+    listen: Annotated[list[str], typer.Option(help="Endpoint to listen on; repeatable.")],
+    connect: Annotated[list[str] | None, typer.Option(help="Another router; repeatable.")] = None,
+    config: Annotated[
+        Path | None, typer.Option(exists=True, dir_okay=False, help="A zenoh configuration file.")
+    ] = None,
+) -> None:
+    """Route until SIGINT or SIGTERM, where there is no zenohd."""
+    from homsense_cli.zenoh_router import run_router
+
+    run_router(listen, connect or [], config)
+
+
 @zenoh.command("access-control")
 def zenoh_access_control(
     device: Annotated[list[str], typer.Option(help="Name of a device; repeatable.")],

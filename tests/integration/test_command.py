@@ -3,6 +3,7 @@
 import gzip
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -11,7 +12,7 @@ from pathlib import Path
 import pytest
 from homsense_cli import demo as demo_module
 from homsense_cli.__main__ import app
-from homsense_cli.local_service import local_service, start
+from homsense_cli.local_service import free_port, local_service, start
 from homsense_cli.recorded import crowd_scans, floor_names, read_floor, walk_events
 from homsense_cli.replay import Replay, run_replay
 from homsense_cli.stored import add_key
@@ -23,7 +24,8 @@ from typer.testing import CliRunner
 runner = CliRunner()
 REPORT = {
     "scenario", "seed", "buildings", "landmarks", "scans", "facets", "b0", "b1", "error_m",
-    "final_median_error_m", "baseline_no_homology_m", "seconds",
+    "final_median_error_m", "baseline_no_homology_m", "seconds", "steps",
+    "steps_equal_over_rest_and_zenoh",
 }  # fmt: skip
 
 
@@ -36,6 +38,7 @@ def test_the_demo_localizes_and_writes_what_it_promises(tmp_path: Path) -> None:
     assert abs(report["b1"] - 44) <= 4
     assert report["scans"] >= 5000
     assert len(report["error_m"]) == 15
+    assert report["steps_equal_over_rest_and_zenoh"] == report["steps"] == 300
     assert report["final_median_error_m"] < 25.0 < report["baseline_no_homology_m"]
     pictures = sorted(path.name for path in tmp_path.glob("*.png"))
     assert [name[:7] for name in pictures] == ["figure2", "figure3", "figure4"]
@@ -48,16 +51,27 @@ def test_the_demo_has_the_length_of_its_promise() -> None:
     assert demo_module.LENGTH_M == 1500.0
 
 
-def test_a_fleet_maps_a_running_service(tmp_path: Path) -> None:
+def test_a_fleet_maps_a_site_and_drives_alike_over_rest_and_zenoh(
+    tmp_path: Path,
+) -> None:
     path = tmp_path / "map.geojson.gz"
     path.write_bytes(gzip.compress(json.dumps(SITE_MAP).encode()))
-    with local_service() as url, Client(url, timeout_s=180.0) as client:
+    where = f"tcp/127.0.0.1:{free_port()}"
+    with (
+        local_service(zenoh_listen=json.dumps([where])) as url,
+        Client(url, timeout_s=180.0) as client,
+    ):
         arguments = ["fleet", "--url", url, "--site", "yard", "--map", str(path)]
         arguments += ["--transmitters", "20", "--phones", "3", "--scans", "20", "--s-max-m", "30"]
-        result = runner.invoke(app, arguments)
-        assert result.exit_code == 0, result.output
+        ends = []
+        for ways in (["--robots", "2"], ["--robots", "2", "--zenoh", where]):
+            result = runner.invoke(app, [*arguments, *ways])
+            assert result.exit_code == 0, result.output
+            ends.append(re.findall(r"robot \d: median error .*", result.output))
         assert "3 buildings" in result.output
         assert client.get_site("yard").observations > 40
+        assert len(ends[0]) == 2
+        assert ends[0] == ends[1]
 
 
 @pytest.mark.parametrize(

@@ -1,10 +1,11 @@
 """What the README shows is what happens."""
 
+import json
 import re
 from pathlib import Path
 
 import pytest
-from homsense_cli.local_service import local_service
+from homsense_cli.local_service import free_port, local_service
 
 README = Path(__file__).parents[2] / "README.md"
 
@@ -13,10 +14,13 @@ def test_every_python_block_of_the_readme_prints_what_it_says(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     blocks = re.findall(r"```python\n(.*?)```", README.read_text(), flags=re.DOTALL)
-    assert len(blocks) == 2
-    with local_service() as url:
+    assert len(blocks) == 3
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with local_service(zenoh_listen=json.dumps([endpoint])) as url:
+        here = {"http://127.0.0.1:8080": url, "tcp/127.0.0.1:7447": endpoint}
         for block in blocks:
             capsys.readouterr()
-            exec(compile(block.replace("http://127.0.0.1:8080", url), str(README), "exec"), {})
+            code = re.sub("|".join(here), lambda found: here[found[0]], block)
+            exec(compile(code, str(README), "exec"), {})
             promised = re.findall(r"  # ([^:\n]*?)(?::.*)?$", block, flags=re.MULTILINE)
             assert capsys.readouterr().out.splitlines() == promised

@@ -44,7 +44,7 @@ def opened(settings: Settings) -> zenoh.Session:
         return zenoh.open(configured(settings))
     except zenoh.ZError as error:
         where = ", ".join([*settings.zenoh_listen, *settings.zenoh_connect])
-        message = f"zenoh at {where}: {error}"
+        message = f"zenoh at {where}: {str(error).partition(' at /')[0]}"
         raise ConnectionError(message) from error
 
 
@@ -54,7 +54,7 @@ def configured(settings: Settings) -> zenoh.Config:
     try:
         config = zenoh.Config() if path is None else zenoh.Config.from_file(str(path))
     except zenoh.ZError as error:
-        message = f"zenoh_config: {path} cannot be used: {error}"
+        message = f"zenoh_config: {path} cannot be used: {str(error).partition(' at /')[0]}"
         raise ValueError(message) from error
     chosen: dict[str, Any] = {
         "mode": "peer" if settings.zenoh_listen else "client",
