@@ -34,6 +34,7 @@ DELTA_ROBOTS, DELTA_S = 20, 15.0
 ROBOTS, LARGE, LARGE_PARTICLES, SMALL_PARTICLES, FLEET_S = 300, 8, 8000, 1000, 30.0
 MOST_RATIO, MOST_US, MOST_DELAY_MS = 2.0, 15.0, 50.0
 SITE = "town"
+FROZEN = Path(__file__).with_name("frozen_robot.py")
 COUNTING = {"type": "homology"}
 
 RAW = """
@@ -50,24 +51,6 @@ def reply(query):
 with zenoh.open(config) as session:
     session.declare_queryable("raw", reply)
     sys.stdin.read()
-"""
-
-FROZEN = """
-import json, os, secrets, signal, struct, sys, zenoh
-config = zenoh.Config()
-for path, value in {"mode": "client", "connect/endpoints": [sys.argv[1]]}.items():
-    config.insert_json5(path, json.dumps(value))
-session = zenoh.open(config)
-key = "homsense/@v1/dev/frozen/rpc/"
-body = json.dumps({"nonce": secrets.token_hex(8), "site": "town", "options": {"particles": 200}})
-(reply,) = session.get(key + "open", payload=body, attachment=bytes(16), timeout=60.0)
-token = bytes.fromhex(json.loads(reply.ok.payload.to_bytes())["token"])
-stamp, block = struct.pack("<Q8s", 0, token), zenoh.CongestionControl.BLOCK
-for _ in range(6000):
-    session.get(key + "last", lambda reply: None, payload=b"{}", attachment=stamp,
-                timeout=60.0, congestion_control=block)
-print("frozen", flush=True)
-os.kill(os.getpid(), signal.SIGSTOP)
 """
 
 
@@ -216,7 +199,7 @@ def frozen(network: Network, endpoint: str, world: World) -> bool:
     with Robot(network, "healthy") as robot:
         robot.open(SITE, particles=200)
         before = asked(robot)
-        command = [sys.executable, "-c", FROZEN, endpoint]
+        command = [sys.executable, str(FROZEN), endpoint, SITE]
         with subprocess.Popen(command, stdout=subprocess.PIPE) as other:
             assert other.stdout is not None
             other.stdout.readline()

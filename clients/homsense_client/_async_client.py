@@ -1,6 +1,7 @@
 """The asynchronous shell around the protocol."""
 
 import asyncio
+import secrets
 from collections.abc import Iterable, Mapping
 from types import TracebackType
 from typing import Any, Self
@@ -68,7 +69,7 @@ class AsyncClient:
             try:
                 answer = await self._http.request(**prepared(call))
             except httpx.TransportError as error:
-                wait = self._retry.wait_s(failed) if call.repeatable else None
+                wait = self._retry.wait_s(failed)
                 if wait is None:
                     raise as_client_error(error) from error
             else:
@@ -141,7 +142,8 @@ class AsyncClient:
 
     async def open_session(self, site: str, **options: protocol.Json) -> "AsyncSession":
         """Open a session on a site; use it as a context manager."""
-        return AsyncSession(self, await self.send(protocol.open_session(site, options)))
+        call = protocol.open_session(site, options, secrets.token_hex(16))
+        return AsyncSession(self, await self.send(call))
 
 
 class AsyncSession:

@@ -1,5 +1,6 @@
 """The blocking shell around the protocol."""
 
+import secrets
 import time
 from collections.abc import Iterable, Mapping
 from types import TracebackType
@@ -68,7 +69,7 @@ class Client:
             try:
                 answer = self._http.request(**prepared(call))
             except httpx.TransportError as error:
-                wait = self._retry.wait_s(failed) if call.repeatable else None
+                wait = self._retry.wait_s(failed)
                 if wait is None:
                     raise as_client_error(error) from error
             else:
@@ -141,7 +142,8 @@ class Client:
 
     def open_session(self, site: str, **options: protocol.Json) -> "Session":
         """Open a session on a site; use it as a context manager."""
-        return Session(self, self.send(protocol.open_session(site, options)))
+        call = protocol.open_session(site, options, secrets.token_hex(16))
+        return Session(self, self.send(call))
 
 
 class Session:

@@ -34,7 +34,7 @@ _BAD, _SERVER = 400, 500
 
 @dataclass(frozen=True, slots=True)
 class Call(Generic[Answer]):
-    """One request and the reading of its answer.
+    """One request, which may be sent twice, and the reading of its answer.
 
     Parameters
     ----------
@@ -46,8 +46,8 @@ class Call(Generic[Answer]):
         Sent as JSON.
     params : dict, optional
         Query parameters.
-    repeatable : bool, default True
-        Whether sending it twice is the same as sending it once.
+    headers : dict, optional
+        Beside the usual ones.
     """
 
     method: str
@@ -55,7 +55,7 @@ class Call(Generic[Answer]):
     read: Callable[[Any], Answer]
     body: dict[str, Any] | None = None
     params: dict[str, str] | None = None
-    repeatable: bool = True
+    headers: dict[str, str] | None = None
 
 
 def read_answer(call: Call[Answer], status: int, body: object) -> Answer:
@@ -174,10 +174,10 @@ def height_map(site: str, hops: int) -> Call[dict[str, Any]]:
     return Call("GET", _site(site, f"heightmaps/{hops}"), dict)
 
 
-def open_session(site: str, options: Mapping[str, Any]) -> Call[models.SessionInfo]:
-    """Open a session; each request opens another one."""
-    path = _site(site, "sessions")
-    return Call("POST", path, models.SessionInfo.from_json, dict(options), repeatable=False)
+def open_session(site: str, options: Mapping[str, Any], key: str) -> Call[models.SessionInfo]:
+    """Open a session; the key makes it repeatable."""
+    path, headers = _site(site, "sessions"), {"idempotency-key": key}
+    return Call("POST", path, models.SessionInfo.from_json, dict(options), headers=headers)
 
 
 def post_steps(session: str, steps: Iterable[Mapping[str, Any]]) -> Call[models.Pose]:

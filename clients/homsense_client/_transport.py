@@ -20,6 +20,7 @@ def prepared(call: Call[Any]) -> dict[str, Any]:
         "url": call.path,
         "json": call.body,
         "params": call.params,
+        "headers": call.headers,
     }
 
 

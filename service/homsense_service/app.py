@@ -45,6 +45,9 @@ from homsense_service.warming import Warming
 
 TIDY_EVERY_S = 20.0
 ROBOT_IDS = 10
+ALLOWED_HEADERS = [
+    "authorization", "content-type", "idempotency-key", "if-match", "if-none-match",
+]  # fmt: skip
 
 _log = logging.getLogger(__name__)
 
@@ -114,7 +117,7 @@ def create_app(
             CORSMiddleware,
             allow_origins=chosen.cors_origins,
             allow_methods=["*"],
-            allow_headers=["authorization", "content-type", "if-match", "if-none-match"],
+            allow_headers=ALLOWED_HEADERS,
             expose_headers=["etag", "retry-after", "x-request-id"],
         )
     app.add_middleware(Manners)

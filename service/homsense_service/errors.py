@@ -112,6 +112,10 @@ class SequenceConflictError(ServiceError):
     """A step number lies in the past and its first answer is not the one asked for."""
 
 
+class IdempotencyError(ServiceError):
+    """The name of a request stands for another request."""
+
+
 class CapacityError(ServiceError):
     """The service holds as many sessions as it may."""
 

@@ -3,15 +3,17 @@
 import secrets
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, TypeVar
 
 import homsense
 from homsense.backend import Backend, fastest
-from homsense.diagnosis import USUAL_AGE_S
 from homsense_service import schemas
 from homsense_service.archive import Archive
+from homsense_service.choosing import chosen
+from homsense_service.diagnosing import diagnosed
+from homsense_service.errors import IdempotencyError
 from homsense_service.expecting import Expecting
 from homsense_service.localizing import localizing, restored, run_document
 from homsense_service.portable import exported
@@ -23,10 +25,9 @@ from homsense_service.records import (
     StoredReading,
     StoredScan,
 )
-from homsense_service.registering import Registered, Registering
+from homsense_service.registering import Registering
 from homsense_service.revisions import Expected, whatever
 from homsense_service.runs import Course, Fix, Run, Step
-from homsense_service.sensors import Sensor
 from homsense_service.session_table import SessionTable
 from homsense_service.sessions import Means, RestingError, Session
 from homsense_service.settings import Settings
@@ -37,9 +38,8 @@ from homsense_service.watching import Watch, unwatched
 
 Answer = TypeVar("Answer")
 
-HELPFUL_BITS = 0.5
 AT_ONCE = 1
-_MOST_IN_VIEW = 60.0
+ASKING = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,6 +101,7 @@ class Operations:
         self._clock, self._backend = clock, backend
         self.watch: Watch = unwatched
         self._turn = threading.Semaphore(AT_ONCE)
+        self._asking = [threading.Lock() for _ in range(ASKING)]
         self._archive = Archive(store.artifact)
         secret = settings.hash_key
         self._names = Pseudonyms(None if secret is None else secret.get_secret_value().encode())
@@ -181,31 +182,49 @@ class Operations:
 
     def diagnose(self, name: str) -> homsense.Diagnosis:
         """Judge a site by what it has learnt about itself."""
-        site = self.sites.get(name)
-        learnt = site.learnt()
-        scans = self.sites.some_scans(site)
-        heard = [reading for scan in scans for reading in site.readings(scan.readings)]
-        seen = [(scan.device, site.visible(scan.readings)) for scan in scans]
-        config = site.config
-        return homsense.diagnose(
-            site.require_map().site_map,
-            learnt.radio,
-            learnt.expectation,
-            in_view=sum(len(visible) for _, visible in seen) / max(1, len(seen)),
-            curve=self.sites.range_curve(site, scans, most_in_view=_MOST_IN_VIEW),
-            min_rssi_dbm=config.min_rssi_dbm,
-            median_witnesses=homsense.median_witnesses(seen),
-            quorum=config.quorum,
-            stale_share=_stale_share(heard, config.min_rssi_dbm, config.max_age_s),
-            gains=site.gains(learnt),
-        )
+        return diagnosed(self.sites, self.sites.get(name))
 
-    def open_session(self, site_name: str, request: schemas.SessionIn) -> Session:
-        """Start localizing a device on a site; what that takes is on disk."""
+    def open_session(
+        self, site_name: str, request: schemas.SessionIn, asked_as: str | None = None
+    ) -> Session:
+        """Start localizing a device on a site; what that takes is on disk.
+
+        Parameters
+        ----------
+        site_name : str
+            Where.
+        request : SessionIn
+            How.
+        asked_as : str, optional
+            Names the request: asked again, it gets the session that it got before.
+
+        Returns
+        -------
+        Session
+            At its start, or where it is by now.
+
+        Raises
+        ------
+        ServiceError
+            If it cannot be opened now, or the name stands for another request.
+        """
+        if asked_as is None:
+            return self._opened(site_name, request, None)
+        with self._asking[hash(asked_as) % ASKING]:
+            known = self.sessions.asked_as(asked_as)
+            if known is None:
+                return self._opened(site_name, request, asked_as)
+            record = self.sessions.get(known).record
+            if (record.site, record.document["request"]) != (site_name, request.model_dump_json()):
+                message = "another session was asked for under this name before"
+                raise IdempotencyError(message)
+            return self.sessions.get(known)
+
+    def _opened(self, site_name: str, request: schemas.SessionIn, asked_as: str | None) -> Session:
         self._check_size(request)
         site = self.sites.get(site_name)
         version = site.require_map()
-        sensor = self._sensor(site, request.sensor)
+        sensor = chosen(self.sites, site, request.sensor, self._settings)
         run = localizing(site, version, site.config.wall_tolerance_m, sensor, request)
         seed = secrets.randbits(64) if request.seed is None else request.seed
         course = Course.begun(run, seed)
@@ -219,6 +238,7 @@ class Operations:
                 "contribute": request.contribute,
                 "request": request.model_dump_json(),
                 "run": document,
+                "asked_as": asked_as,
             },
         )
 
@@ -253,7 +273,7 @@ class Operations:
         wanted = schemas.SensorIn(
             type=before.kind, hops=list(before.hops) or None, expected=before.expected
         )
-        sensor = self._sensor(site, wanted)
+        sensor = chosen(self.sites, site, wanted, self._settings)
         run = localizing(
             site, version, site.config.wall_tolerance_m, sensor, _request(session.record)
         )
@@ -345,30 +365,6 @@ class Operations:
         site.registering.refresh(self.sites.crowd(site))
         return site.registering
 
-    def _sensor(self, site: Site, wanted: schemas.SensorIn) -> Sensor:
-        """Return the sensor that is asked for; by default the one that the site is fit for."""
-        if wanted.type == "homology":
-            return site.sensor(wanted.hops, wanted.expected)
-        if wanted.type == "auto":
-            return self._fitting(site, wanted)
-        registered = site.registering.learnt(
-            self.sites.crowd(site), self._settings.expectation_wait_s
-        )
-        if wanted.type == "registered":
-            return Sensor(registered=registered)
-        return replace(site.sensor(wanted.hops, wanted.expected), registered=registered)
-
-    def _fitting(self, site: Site, wanted: schemas.SensorIn) -> Sensor:
-        counts = wanted.hops is not None or wanted.expected is not None
-        found: Registered | None = None
-        if site.tracked >= self._settings.registration_scans and not counts:
-            found = site.registering.at_hand(self.sites.crowd(site))
-        if found is None or found.complex.registration.is_doubtful:
-            return site.sensor(wanted.hops, wanted.expected)
-        counting = site.sensor(wanted.hops, wanted.expected)
-        helps = site.counts_tell_bits(counting, found) > HELPFUL_BITS
-        return replace(counting if helps else Sensor(), registered=found)
-
     def _step(self, wire: schemas.StepIn, landmark_key: str) -> Step:
         heard = self._names.readings(schemas.readings(wire.landmarks or []), landmark_key)
         return Step(wire.seq, wire.seconds(), wire.motion(), heard)
@@ -377,18 +373,6 @@ class Operations:
         if isinstance(scan, schemas.DroppedScan):
             raise ValueError(scan.reason)  # noqa: TRY004 - the content is wrong, not our type
         return scan.to_stored(self._settings.max_landmarks_per_scan)
-
-
-def _stale_share(
-    heard: Sequence[homsense.Reading], min_rssi_dbm: float | None, max_age_s: float | None
-) -> float:
-    counting = [
-        reading.age_s > USUAL_AGE_S
-        for reading in heard
-        if (max_age_s is None or reading.age_s <= max_age_s)
-        and (min_rssi_dbm is None or (reading.rssi_dbm or min_rssi_dbm) >= min_rssi_dbm)
-    ]
-    return sum(counting) / max(1, len(counting))
 
 
 def _request(record: SessionRecord) -> schemas.SessionIn:

@@ -46,6 +46,9 @@ KINDS: dict[type[Exception], Kind] = {
     errors.MapMissingError: Kind(409, "map_missing", "The site has no map"),
     errors.PreconditionError: Kind(412, "precondition_failed", "Somebody else was faster"),
     errors.SequenceConflictError: Kind(409, "sequence_conflict", "The step cannot be applied"),
+    errors.IdempotencyError: Kind(
+        422, "idempotency_mismatch", "The name stands for something else"
+    ),
     errors.CapacityError: Kind(503, "capacity", "The service is full"),
     errors.OverloadError: Kind(503, "overload", "Too much is asked at once"),
     errors.ExpectationPendingError: Kind(503, "expectation_pending", "Not ready yet"),

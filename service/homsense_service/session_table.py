@@ -37,6 +37,7 @@ class SessionTable:
         self._waking: dict[str, threading.Lock] = {}
         self._asleep = {record.name: record for record in store.sessions()}
         self._awake: dict[str, Session] = {}
+        self._asked = {key: r.name for r in self._asleep.values() if (key := _asked_as(r))}
         self._opening = 0
         self._used_s = dict.fromkeys(self._asleep, clock())
 
@@ -51,10 +52,16 @@ class SessionTable:
             session = keep()
             self._used_s[session.name] = self._clock()
             self._awake[session.name] = session
+            if (key := _asked_as(session.record)) is not None:
+                self._asked[key] = session.name
         finally:
             with self._lock:
                 self._opening -= 1
         return session
+
+    def asked_as(self, key: str) -> str | None:
+        """Return the session that was opened by a named request, if it is still open."""
+        return self._asked.get(key)
 
     def get(self, name: str) -> Session:
         """Return a session, as it was before a restart if need be.
@@ -138,8 +145,10 @@ class SessionTable:
         return [*self._awake, *self._asleep]
 
     def _forget(self, names: Iterable[str]) -> None:
+        gone = set(names)
         with self._lock:
-            for name in names:
+            self._asked = {key: name for key, name in self._asked.items() if name not in gone}
+            for name in gone:
                 self._awake.pop(name, None)
                 self._asleep.pop(name, None)
                 self._used_s.pop(name, None)
@@ -151,3 +160,9 @@ class SessionTable:
 
     def __len__(self) -> int:
         return len(self._used_s)
+
+
+def _asked_as(record: SessionRecord) -> str | None:
+    """Return the name of the request that has opened a session."""
+    found: str | None = record.document.get("asked_as")
+    return found

@@ -22,6 +22,7 @@ from homsense_service.settings import Settings
 from support.networks import COUNTING, RING, endpoint, fill, router, until
 from support.running import Router, Script, Service
 
+FROZEN = Path(__file__).parents[2] / "benchmarks" / "frozen_robot.py"
 OPTIONS: dict[str, Any] = {"particles": 200, "seed": 5, "sensor": COUNTING}
 
 WALKER = """
@@ -33,24 +34,6 @@ with connect(sys.argv[1]) as network, Robot(network, "walker") as robot:
     while True:
         robot.move({"forward_m": 0.01}, dt_s=0.01)
         time.sleep(0.01)
-"""
-
-FROZEN = """
-import json, os, secrets, signal, struct, sys, time, zenoh
-config = zenoh.Config()
-for path, value in {"mode": "client", "connect/endpoints": [sys.argv[1]]}.items():
-    config.insert_json5(path, json.dumps(value))
-session = zenoh.open(config)
-key = "homsense/@v1/dev/frozen/rpc/"
-body = json.dumps({"nonce": secrets.token_hex(8), "site": "yard", "options": {"particles": 200}})
-(reply,) = session.get(key + "open", payload=body, attachment=bytes(16), timeout=10.0)
-token = bytes.fromhex(json.loads(reply.ok.payload.to_bytes())["token"])
-stamp, block = struct.pack("<Q8s", 0, token), zenoh.CongestionControl.BLOCK
-for _ in range(6000):
-    session.get(key + "last", lambda reply: None, payload=b"{}", attachment=stamp,
-                timeout=60.0, congestion_control=block)
-print("frozen", flush=True)
-os.kill(os.getpid(), signal.SIGSTOP)
 """
 
 
@@ -96,7 +79,10 @@ def test_a_robot_that_freezes_is_offline_and_comes_back(tmp_path: Path) -> None:
 def test_a_frozen_robot_with_questions_does_not_delay_a_healthy_one(tmp_path: Path) -> None:
     where = endpoint()
     with Service(tmp_path, zenoh_listen=[where]) as service, connect(where) as network:
-        with Robot(network, "healthy") as robot, Script(FROZEN, where) as frozen:
+        with (
+            Robot(network, "healthy") as robot,
+            Script(FROZEN.read_text(), where, "yard") as frozen,
+        ):
             robot.open("yard", **OPTIONS)
             walk(robot, 5)
             frozen.await_line("frozen", 60.0)

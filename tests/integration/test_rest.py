@@ -623,3 +623,29 @@ def test_an_unforeseen_failure_is_a_problem_without_its_cause(tmp_path: Path) ->
         body = problem(api.get("/fail"))
     assert body["code"] == "internal"
     assert "secret" not in json.dumps(body)
+
+
+def test_a_session_is_opened_once_under_one_key(api: TestClient, site: str) -> None:
+    path, body = f"/v1/sites/{site}/sessions", {"particles": 50, "seed": 1}
+    head = {"Idempotency-Key": "once"}
+    first = api.post(path, json=body, headers=head).json()
+    api.post(f"/v1/sessions/{first['session']}/steps", json={"steps": [{"seq": 1}]})
+    again = api.post(path, json=body, headers=head).json()
+    assert (again["session"], again["pose"]["seq"]) == (first["session"], 1)
+    other = api.post(path, json={"particles": 60}, headers=head)
+    assert (other.status_code, other.json()["code"]) == (422, "idempotency_mismatch")
+    assert api.post(path, json=body).json()["session"] != first["session"]
+    api.delete(f"/v1/sessions/{first['session']}").raise_for_status()
+    assert api.post(path, json=body, headers=head).json()["session"] != first["session"]
+
+
+def test_a_session_is_opened_once_even_over_a_restart(tmp_path: Path) -> None:
+    found = []
+    for _ in range(2):
+        with TestClient(create_app(Settings(data=tmp_path)), base_url="http://test") as api:
+            api.put("/v1/sites/yard", json={})
+            api.put("/v1/sites/yard/map", json=SITE_MAP)
+            head = {"Idempotency-Key": "once"}
+            answer = api.post("/v1/sites/yard/sessions", json={"particles": 50}, headers=head)
+            found.append(answer.json()["session"])
+    assert found[0] == found[1]

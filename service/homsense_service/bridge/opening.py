@@ -92,7 +92,9 @@ class Opening:
         session = asked.session
         if session is None:
             assert asked.site is not None
-            session = self._operations.open_session(asked.site, asked.options).name
+            session = self._operations.open_session(
+                asked.site, asked.options, f"device {device} {asked.nonce}"
+            ).name
         token = secrets.token_bytes(TOKEN_BYTES)
         binding = Binding(device, session, asked.nonce, token, key, asked.pose_hz)
         self._operations.bind(binding)

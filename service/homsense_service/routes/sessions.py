@@ -2,11 +2,12 @@
 
 from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, Query, Response
+from fastapi import APIRouter, Header, Query, Response
 
 from homsense_service import rendering_poses as rendering
 from homsense_service import schemas
 from homsense_service.routes.access import (
+    CallerDep,
     MetricsDep,
     OperationsDep,
     SessionParam,
@@ -28,10 +29,20 @@ router = APIRouter(prefix="/v1", tags=["sessions"])
     responses=problems(400, 404, 409, 422, 503),
 )
 def open_session(
-    site: SiteParam, request: schemas.SessionIn, operations: OperationsDep
+    site: SiteParam,
+    request: schemas.SessionIn,
+    operations: OperationsDep,
+    caller: CallerDep,
+    idempotency_key: Annotated[
+        str | None, Header(min_length=1, max_length=200, description="Names the request.")
+    ] = None,
 ) -> schemas.SessionOut:
-    """Start localizing a device on the current map of a site."""
-    return rendering.render_session(operations.open_session(site, request))
+    """Start localizing a device on the current map of a site.
+
+    With an ``Idempotency-Key`` the same request gets the same session again.
+    """
+    asked_as = None if idempotency_key is None else f"key {caller.name} {idempotency_key}"
+    return rendering.render_session(operations.open_session(site, request, asked_as))
 
 
 @router.get(
