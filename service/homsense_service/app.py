@@ -97,7 +97,7 @@ def create_app(
                 app.state.metrics, app.state.streams = metrics, streams
                 tidying = asyncio.create_task(_tidy(operations, streams))
                 house = House(operations, app.state.keys, app.state.rate_limit, streams, metrics)
-                async with _on_network(chosen, house, open_network):
+                async with _on_network(chosen, house, open_network) as app.state.joining:
                     yield
                 tidying.cancel()
 
@@ -130,10 +130,10 @@ def create_app(
 @asynccontextmanager
 async def _on_network(
     settings: Settings, house: House, open_network: Callable[[Settings], zenoh.Session]
-) -> AsyncIterator[None]:
+) -> AsyncIterator[Joining | None]:
     """Serve devices over zenoh, too, if that is wanted; a router may come later."""
     if not is_wanted(settings):
-        yield
+        yield None
         return
     mapping = None if settings.ros2_mapping is None else read_mapping(settings.ros2_mapping)
 
@@ -146,7 +146,7 @@ async def _on_network(
 
     joining = Joining(lambda: open_network(settings), bridged)
     try:
-        yield
+        yield joining
     finally:
         await joining.close()
 

@@ -50,7 +50,8 @@ def serve(settings: Settings) -> None:
         store.close()
         raise
     host, port = listening.getsockname()[:2]
-    sys.stderr.write(f"homsense serves http://{host}:{port} from {settings.data}\n")
+    devices = f", devices at {', '.join(settings.zenoh_listen)}" if settings.zenoh_listen else ""
+    sys.stderr.write(f"homsense serves http://{host}:{port} from {settings.data}{devices}\n")
     logs.configure()
     app = create_app(
         settings,

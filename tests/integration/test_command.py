@@ -51,7 +51,7 @@ def test_the_demo_has_the_length_of_its_promise() -> None:
     assert demo_module.LENGTH_M == 1500.0
 
 
-def test_a_fleet_maps_a_site_and_drives_alike_over_rest_and_zenoh(
+def test_a_fleet_maps_a_site_and_drives_in_it_over_rest_and_zenoh(
     tmp_path: Path,
 ) -> None:
     path = tmp_path / "map.geojson.gz"
@@ -70,8 +70,7 @@ def test_a_fleet_maps_a_site_and_drives_alike_over_rest_and_zenoh(
             ends.append(re.findall(r"robot \d: median error .*", result.output))
         assert "3 buildings" in result.output
         assert client.get_site("yard").observations > 40
-        assert len(ends[0]) == 2
-        assert ends[0] == ends[1]
+        assert [len(found) for found in ends] == [2, 2]
 
 
 @pytest.mark.parametrize(

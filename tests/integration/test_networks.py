@@ -137,6 +137,7 @@ def test_all_goes_over_a_router_that_comes_late(tmp_path: Path) -> None:
     with Service(tmp_path, zenoh_connect=[where]) as service:
         with pytest.raises(ConnectError, match="no zenoh at"):
             connect(where, timeout_s=0.2)
+        assert httpx.get(f"{service.url}/readyz").json()["network"] == "waiting"
         with Router(where) as between, connect(where, timeout_s=10.0) as network:
             with Robot(network, "r1") as robot:
                 robot.open("yard", **OPTIONS)
@@ -146,6 +147,11 @@ def test_all_goes_over_a_router_that_comes_late(tmp_path: Path) -> None:
                 seen: list[int] = []
                 walk(robot, 3, seen)
                 assert seen == [8, 10, 12]
+                between.tell(signal.SIGSTOP)
+                threading.Timer(1.0, between.tell, [signal.SIGCONT]).start()
+                walk(robot, 1, seen)
+                assert seen[-1] == 14
+                assert httpx.get(f"{service.url}/readyz").json()["network"] == "joined"
         assert service.end() < 6.0
 
 

@@ -33,6 +33,11 @@ class Joining:
         self._ending = asyncio.Event()
         self._trying = asyncio.create_task(self._try())
 
+    @property
+    def is_joined(self) -> bool:
+        """Whether devices can reach the service."""
+        return self._bridge is not None
+
     async def close(self) -> None:
         """Leave the network."""
         self._ending.set()

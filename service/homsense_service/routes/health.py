@@ -1,12 +1,14 @@
 """Operation: is it alive, what is it."""
 
 from importlib.metadata import version
+from typing import Literal
 
-from fastapi import APIRouter, Response
+from fastapi import APIRouter, Request, Response
 from fastapi.responses import PlainTextResponse
 from prometheus_client import CONTENT_TYPE_LATEST
 
 from homsense_service import schemas
+from homsense_service.bridge.joining import Joining
 from homsense_service.errors import StoreError
 from homsense_service.routes.access import (
     CallerDep,
@@ -29,14 +31,20 @@ def healthz() -> schemas.HealthzOut:
 
 
 @router.get("/readyz", summary="Readiness", responses=described_problems(503))
-def readyz(operations: OperationsDep, counted: MetricsDep) -> schemas.ReadyzOut:
+def readyz(request: Request, operations: OperationsDep, counted: MetricsDep) -> schemas.ReadyzOut:
     """Answer when the store does: its sites are read again, and what waits is told."""
     operations.check()
     age_s = operations.commit_age_s()
     if age_s > STUCK_S:
         message = f"a transaction has not come to its end for {age_s:.0f} s"
         raise StoreError(message)
-    return schemas.ReadyzOut(status="ok", commit_age_s=age_s, pending_requests=counted.pending)
+    joining: Joining | None = request.app.state.joining
+    network: Literal["none", "joined", "waiting"] = "none"
+    if joining is not None:
+        network = "joined" if joining.is_joined else "waiting"
+    return schemas.ReadyzOut(
+        status="ok", commit_age_s=age_s, pending_requests=counted.pending, network=network
+    )
 
 
 @router.get(

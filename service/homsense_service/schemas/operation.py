@@ -19,6 +19,9 @@ class ReadyzOut(Wire):
     status: Literal["ok"]
     commit_age_s: float = Field(description="Of the transaction at hand; 0 between two.")
     pending_requests: int = Field(description="Requests that wait for their answers.")
+    network: Literal["none", "joined", "waiting"] = Field(
+        description="Whether devices can reach it over zenoh; waiting: for a router."
+    )
 
 
 class InfoOut(Wire):
