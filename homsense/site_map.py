@@ -103,18 +103,9 @@ class SiteMap:
         return site_map
 
     @cached_property
-    def walls(self) -> MultiPolygon:
-        """All structures as one prepared geometry."""
-        walls = MultiPolygon(self.structures)
-        shapely.prepare(walls)
-        return walls
-
-    @cached_property
     def free_space(self) -> BaseGeometry:
-        """The domain without the structures, prepared."""
-        free = shapely.difference(self.domain, MultiPolygon(self.structures))
-        shapely.prepare(free)
-        return free
+        """The domain without the structures."""
+        return shapely.difference(self.domain, MultiPolygon(self.structures))
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
@@ -136,7 +127,9 @@ class SiteMap:
             True where a device can be.
         """
         places = np.asarray(xy, dtype=np.float64)
-        return np.asarray(shapely.contains_xy(self.free_space, places[:, 0], places[:, 1]))
+        own = shapely.from_wkb(shapely.to_wkb(self.free_space))  # threads must not share an index
+        shapely.prepare(own)
+        return np.asarray(shapely.contains_xy(own, places[:, 0], places[:, 1]))
 
     def surface_mesh(self, spacing_m: float = 5.0) -> list[FloatArray]:
         """Return points along the faces of each structure (paper, section V-B.3).

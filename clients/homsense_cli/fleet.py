@@ -5,8 +5,10 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from statistics import median
 
+import numpy as np
 from homsense_client import Client, Complex
 from homsense_client.streaming import Robot, connect
+from homsense_fleet.device import drive
 from homsense_fleet.driver import Crowd, Report, drive_robot, over_rest, over_zenoh
 from homsense_fleet.world import World
 from rich.console import Console
@@ -103,20 +105,23 @@ def drive_fleet(
     list of float
         Of each robot, the median error over the last 300 m, metres.
     """
+    routes = [
+        [*drive(world, np.random.default_rng([fleet.seed, 2, n]), length_m=fleet.length_m)]
+        for n in range(fleet.robots)
+    ]
 
-    def drive(number: int, report: Report) -> float:
-        errors = drive_robot(world, fleet.seed, number, report, length_m=fleet.length_m)
-        return median(errors[-LAST_STEPS:])
+    def follow(number: int, report: Report) -> float:
+        return median(drive_robot(routes[number], report)[-LAST_STEPS:])
 
     def post(number: int) -> float:
         with client.open_session(site, seed=fleet.seed + number) as session:
-            return drive(number, over_rest(session))
+            return follow(number, over_rest(session))
 
     def stream(number: int) -> float:
         assert network is not None
         with Robot(network, f"{site}-{number}", timeout_s=30.0) as robot:
             robot.open(site, key=key, seed=fleet.seed + number)
-            return drive(number, over_zenoh(robot))
+            return follow(number, over_zenoh(robot))
 
     with ExitStack() as stack:
         client = stack.enter_context(Client(url, key=key, timeout_s=120.0))

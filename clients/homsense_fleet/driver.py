@@ -2,7 +2,7 @@
 
 import asyncio
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy as np
 from homsense_client import AsyncClient, Pose, Session
 from homsense_client.streaming import Robot
 
-from homsense_fleet.device import DriveStep, drive, phone_scans
+from homsense_fleet.device import DriveStep, phone_scans
 from homsense_fleet.world import World
 
 Report = Callable[[DriveStep], Pose]
@@ -99,32 +99,23 @@ def over_zenoh(robot: Robot) -> Report:
     return report
 
 
-def drive_robot(
-    world: World, seed: int, number: int, report: Report, *, length_m: float = 1500.0
-) -> list[float]:
-    """Drive a robot on the roads; return how far off the service was after each step, metres.
+def drive_robot(steps: Iterable[DriveStep], report: Report) -> list[float]:
+    """Drive a robot; return how far off the service was after each step, metres.
 
     Parameters
     ----------
-    world : World
-        Where it drives.
-    seed : int
-        Of the fleet.
-    number : int
-        Of the robot; decides its route and its noise.
+    steps : iterable of DriveStep
+        From `drive`.
     report : callable
         From `over_rest` or `over_zenoh`.
-    length_m : float, default 1500.0
-        Way to drive, metres.
 
     Returns
     -------
     list of float
         One for each step.
     """
-    rng = np.random.default_rng([seed, 2, number])
     errors = []
-    for step in drive(world, rng, length_m=length_m):
+    for step in steps:
         best = report(step).best
         errors.append(math.dist((best.x_m, best.y_m), step.truth[:2]))
     return errors

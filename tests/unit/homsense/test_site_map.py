@@ -1,6 +1,8 @@
 """The metric map: what is a structure, what is free, what is refused."""
 
 import math
+import subprocess
+import sys
 from typing import Any
 
 import numpy as np
@@ -138,3 +140,27 @@ def test_free_space_needs_a_cell(square: SiteMap) -> None:
     for cell_m in (0.0, -1.0, math.nan, 0.001):
         with pytest.raises(InvalidInputError, match="cell_m"):
             FreeSpace.of(square, cell_m)
+
+
+RACE = """
+import threading
+import numpy as np
+from homsense_fleet.world import downtown_44
+import homsense
+
+document = downtown_44(0).map_document()
+xy = np.stack(np.meshgrid(np.linspace(0, 600, 40), np.linspace(0, 600, 40)), -1).reshape(-1, 2)
+for _ in range(60):
+    site_map, start = homsense.SiteMap.from_geojson(document), threading.Barrier(8)
+    threads = [
+        threading.Thread(target=lambda: (start.wait(), site_map.is_free(xy))) for _ in range(8)
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+"""
+
+
+def test_threads_can_ask_one_map_at_once() -> None:
+    subprocess.run([sys.executable, "-c", RACE], check=True)
