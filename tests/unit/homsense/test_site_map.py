@@ -149,8 +149,8 @@ from homsense_fleet.world import downtown_44
 import homsense
 
 document = downtown_44(0).map_document()
-xy = np.stack(np.meshgrid(np.linspace(0, 600, 40), np.linspace(0, 600, 40)), -1).reshape(-1, 2)
-for _ in range(60):
+xy = np.stack(np.meshgrid(np.linspace(0, 600, 20), np.linspace(0, 600, 20)), -1).reshape(-1, 2)
+for _ in range(150):
     site_map, start = homsense.SiteMap.from_geojson(document), threading.Barrier(8)
     threads = [
         threading.Thread(target=lambda: (start.wait(), site_map.is_free(xy))) for _ in range(8)
