@@ -250,7 +250,8 @@ def test_a_bad_request_is_answered_like_over_rest(
 def test_only_the_token_opens_the_stream(house: House) -> None:
     events, token = house.events(), token_of(house, "r1")
     wrong = struct.pack("<Q8s", 1, bytes(8))
-    for attachment in (wrong, b"short", None):
+    beyond = struct.pack("<Q8s", 2**52, token)
+    for attachment in (wrong, b"short", beyond, None):
         house.network.session.put(
             "homsense/@v1/dev/r1/imu", b"", encoding="application/json", attachment=attachment
         )

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from homsense_service.bridge import encodings
 from homsense_service.bridge.inbox import MOST_WAITING, PATIENCE_S, Inbox
 from homsense_service.bridge.inputs import Deltas, Input, Readings, Scan
 from homsense_service.records import StoredReading
@@ -11,7 +12,7 @@ from homsense_service.runs import Step
 from hypothesis import given
 from hypothesis import strategies as st
 
-from homsense import Delta, ImuSample
+from homsense import Delta, HomsenseError, ImuSample, Velocity, preintegrate
 
 PAUSE_S = 0.1
 
@@ -174,3 +175,33 @@ def test_what_piles_up_is_bounded() -> None:
         assert inbox.put(deltas(number, 1), 0.0)
     assert not inbox.put(deltas(MOST_WAITING + 1, 1), 0.0)
     assert inbox.plan(1.0).lost == 1
+
+
+@given(st.integers(1, 2**52), st.sampled_from([1e-3, 1.0, 1e6]))
+def test_absurd_numbers_do_no_harm(number: int, length_m: float) -> None:
+    inbox = Inbox(0, None, PAUSE_S)
+    inbox.put(deltas(1, 1, length_m), 0.0)
+    inbox.put(deltas(number, 1000, length_m), 0.0)
+    inbox.put(Readings(number + 2000, (ImuSample(0.01, 1.0, 0.0, 0.5),) * 5), 0.0)
+    for step in inbox.plan(10.0).steps:
+        if isinstance(step.motion, Delta):
+            step.motion.checked()
+        else:
+            preintegrate([s for s in step.motion if isinstance(s, ImuSample)], Velocity())
+
+
+@given(
+    st.binary(max_size=200) | st.integers(0, 6).flatmap(lambda n: st.binary(min_size=32 * n)),
+    st.sampled_from([encodings.DELTA, encodings.IMU, encodings.JSON, "", "zenoh/bytes"]),
+)
+def test_any_bytes_are_motion_or_a_value_error(payload: bytes, encoding: str) -> None:
+    try:
+        moving = encodings.motion_of(encoding, payload, 1)
+    except (ValueError, HomsenseError):
+        return
+    inbox = Inbox(0, None, PAUSE_S)
+    inbox.put(moving, 0.0)
+    (step,) = inbox.plan(1.0).steps
+    assert step.seq == moving.following - 1
+    if isinstance(step.motion, Delta):
+        step.motion.checked()

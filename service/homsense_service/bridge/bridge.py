@@ -24,7 +24,6 @@ from homsense_service.errors import (
     MethodNotFoundError,
     OverloadError,
     ServiceError,
-    SessionNotFoundError,
     TokenError,
 )
 from homsense_service.keys import KeyRing
@@ -273,8 +272,8 @@ class Bridge:
             listener = self._listeners.get(device.name)
             if listener is not None:
                 listener(device, frame)
-        except (zenoh.ZError, SessionNotFoundError) as error:
-            _log.info("a pose of %s was not sent: %s", device.name, error)
+        except Exception:  # noqa: BLE001 - the step itself is on disk
+            _log.exception("a pose of %s was not sent", device.name)
 
     def _lost(self, name: str, count: int) -> None:
         self._house.metrics.lost_inputs.inc(count)

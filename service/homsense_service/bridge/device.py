@@ -100,7 +100,7 @@ class Device:
     def check(self, stamp: Stamp | None) -> Stamp:
         """Return the stamp of a message, or raise `TokenError`."""
         if stamp is None or not hmac.compare_digest(stamp.token, self.binding.token):
-            message = "the attachment is not a number and the token of this device's session"
+            message = "the attachment is not a number below 2**52 and the token of the session"
             raise TokenError(message)
         return stamp
 

@@ -21,6 +21,7 @@ DELTA, IMU, JSON, PARTICLES = (
 MOST_IN_MESSAGE = 1000
 _COLUMNS = 8
 _MOST = 1e6
+_BEYOND = 2**52
 
 
 class Stamp(NamedTuple):
@@ -75,7 +76,8 @@ def stamp_of(attachment: bytes | None) -> Stamp | None:
     """
     if attachment is None or len(attachment) != ATTACHMENT.size:
         return None
-    return Stamp(*ATTACHMENT.unpack(attachment))
+    stamp = Stamp(*ATTACHMENT.unpack(attachment))
+    return stamp if stamp.number < _BEYOND else None
 
 
 def motion_of(encoding: str, payload: bytes, first: int) -> Moving:

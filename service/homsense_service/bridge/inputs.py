@@ -12,7 +12,7 @@ from homsense_service.records import StoredReading
 
 FloatArray = NDArray[np.float64]
 MOST_SAMPLES = 1000
-_LONGEST_S = 10.0
+_LONGEST_S, _LONGEST_GAP_S = 10.0, 3600.0
 
 
 class Deltas(NamedTuple):
@@ -72,18 +72,20 @@ class Deltas(NamedTuple):
 
     def motion(self) -> Motion:
         """Return all of it as one motion."""
-        return homsense.composed(self.motions, self.durations_s, self.covariances)
+        return _sound(homsense.composed(self.motions, self.durations_s, self.covariances))
 
     def guessed(self, lost: int) -> Motion:
         """Return what as many lost inputs may have been: the same pace, as wrong as it is long."""
         forward, left, turn = (lost * self.motions.mean(axis=0)).tolist()
         spread = lost * np.sqrt(np.square(self.motions).mean(axis=0))
-        return homsense.Delta(
-            forward,
-            left,
-            turn,
-            lost * float(self.durations_s.mean()),
-            std=(float(spread[0]), float(spread[1]), float(spread[2])),
+        return _sound(
+            homsense.Delta(
+                forward,
+                left,
+                turn,
+                lost * float(self.durations_s.mean()),
+                std=(float(spread[0]), float(spread[1]), float(spread[2])),
+            )
         )
 
 
@@ -133,7 +135,7 @@ class Readings(NamedTuple):
     def guessed(self, lost: int) -> Motion:
         """Return what as many lost inputs may have been: the same forces all the time."""
         dt_s, forward, left, turn = np.array(self.samples).mean(axis=0).tolist()
-        rest_s = lost * dt_s
+        rest_s = min(lost * dt_s, _LONGEST_GAP_S)
         pieces = max(1, int(np.ceil(rest_s / _LONGEST_S)))
         return (homsense.ImuSample(rest_s / pieces, forward, left, turn),) * pieces
 
@@ -159,6 +161,14 @@ class Scan(NamedTuple):
     def following(self) -> int:
         """Number of the next input."""
         return self.first + 1
+
+
+def _sound(delta: homsense.Delta) -> homsense.Delta:
+    """Return a motion itself, or none when it is beyond all bounds."""
+    try:
+        return delta.checked()
+    except homsense.InvalidInputError:
+        return homsense.Delta()
 
 
 Moving = Deltas | Readings
