@@ -314,6 +314,8 @@ def test_keys_decide_who_may_stream_where(house: House) -> None:
     with pytest.raises(ResponseError) as taken:
         house.robot().attach(session, key=others)
     assert taken.value.code == "forbidden"
+    house.api.delete(f"/v1/sessions/{session}", headers=head).raise_for_status()
+    robot.open("yard", key=robots, **OPTIONS)
     house.api.delete("/v1/keys/robots", headers=head)
     with pytest.raises(ResponseError) as stale:
         robot.scan(RING[1])

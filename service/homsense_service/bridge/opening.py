@@ -72,7 +72,8 @@ class Opening:
         """
         caller = self._ring.caller(asked.key)
         caller.check("localize")
-        if before is not None and not caller.sees(self._site_of(before) or ""):
+        former = None if before is None else self._site_of(before)
+        if former is not None and not caller.sees(former):
             message = f"device {device!r} streams into a session that this key does not see"
             raise ForbiddenError(message)
         if asked.site is not None and not caller.sees(asked.site):

@@ -44,7 +44,7 @@ def imu(payload: bytes) -> Imu:
     reader = _Reader(payload)
     t, frame = reader.header()
     numbers = reader.doubles(4 + 9 + 3 + 9 + 3 + 9)
-    return Imu(t, frame, _triple(numbers[25:28]), _triple(numbers[13:16]))
+    return Imu(t, frame, _finite(numbers[25:28]), _finite(numbers[13:16]))
 
 
 def odometry(payload: bytes) -> Odometry:
@@ -53,7 +53,8 @@ def odometry(payload: bytes) -> Odometry:
     t, frame = reader.header()
     reader.string()
     numbers = reader.doubles(3 + 4 + 36 + 6 + 36)
-    x, y, _, qx, qy, qz, qw = numbers[:7]
+    x, y, qx = _finite((*numbers[:2], numbers[3]))
+    qy, qz, qw = _finite(numbers[4:7])
     yaw = math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
     twist = numbers[49:]
     return Odometry(t, frame, x, y, yaw, (twist[0], twist[7], twist[35]))
@@ -128,7 +129,10 @@ def _padded(written: bytes, aligned: int) -> bytes:
     return written + bytes(-(len(written) - _HEAD) % aligned)
 
 
-def _triple(numbers: tuple[float, ...]) -> tuple[float, float, float]:
+def _finite(numbers: tuple[float, ...]) -> tuple[float, float, float]:
+    if not all(map(math.isfinite, numbers)):
+        message = f"numbers must be finite, not {numbers}"
+        raise CdrError(message)
     x, y, z = numbers
     return x, y, z
 
@@ -170,7 +174,7 @@ class _Reader:
             raise CdrError(message) from error
 
     def doubles(self, count: int) -> tuple[float, ...]:
-        """Read some doubles, which must be finite but for covariances of -1."""
+        """Read some doubles."""
         return self._unpack(f"{count}d", 8)
 
     def skip(self, count: int) -> None:

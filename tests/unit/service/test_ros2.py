@@ -267,6 +267,14 @@ def test_an_imu_alone_gives_readings_but_for_pauses() -> None:
     ]
 
 
+@pytest.mark.parametrize("number", [math.nan, math.inf])
+def test_a_message_without_finite_numbers_is_told(number: float) -> None:
+    with pytest.raises(cdr.CdrError, match="finite"):
+        cdr.odometry(odometry_bytes(1.0, number, 3.0, 1.0))
+    with pytest.raises(cdr.CdrError, match="finite"):
+        cdr.imu(imu_bytes(1.0, "imu", number, 0.0))
+
+
 def test_a_message_that_ends_early_is_told() -> None:
     whole = odometry_bytes(1.0, 2.0, 3.0, 1.0)
     with pytest.raises(cdr.CdrError, match="ends"):
