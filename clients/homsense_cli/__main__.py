@@ -362,7 +362,8 @@ def main() -> None:
         app()
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        _fail(f"{'.'.join(map(str, first['loc']))}: {first['msg']}", MISUSE)
+        where = ".".join(map(str, first["loc"]))
+        _fail(f"{where}: {first['msg']}" if where else str(first["msg"]), MISUSE)
     except (OSError, ValueError, HomsenseError, ServiceError) as error:
         _fail(str(error), MISUSE)
     except (ClientError, RuntimeError) as error:
