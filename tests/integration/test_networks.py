@@ -87,7 +87,8 @@ def test_a_frozen_robot_with_questions_does_not_delay_a_healthy_one(tmp_path: Pa
             walk(robot, 5)
             frozen.await_line("frozen", 60.0)
             took_s = walk(robot, 60)
-        assert sorted(took_s)[-2] < 0.15
+        assert max(took_s) < 1.0
+        assert sorted(took_s)[-4] < 0.15
         assert service.end() < 5.0
 
 
