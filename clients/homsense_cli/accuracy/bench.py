@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, field, replace
 from itertools import islice
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -154,7 +155,7 @@ def measure(plan: Plan, console: Console) -> list[Row]:
         TimeElapsedColumn(),
         console=console,
     )
-    with bars, ProcessPoolExecutor() as pool:
+    with bars, ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
         rows = _measure_cities(plan, pool, bars)
         if plan.recorded is not None:
             rows += _measure_floors(plan, plan.recorded, pool, bars)
