@@ -1,7 +1,6 @@
 """The demo as data: map a world, drive a robot through it, and record what happened."""
 
 import asyncio
-import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -9,10 +8,10 @@ from statistics import median
 from typing import Any, NamedTuple
 
 import numpy as np
-from homsense_client import AsyncClient, Client, Complex, Expectation, Pose, Session
+from homsense_client import AsyncClient, Client, Complex, Expectation, Session
 from homsense_client.streaming import Network, Robot
 from homsense_fleet.device import DriveStep, drive
-from homsense_fleet.driver import Crowd, Report, map_site, over_rest, over_zenoh
+from homsense_fleet.driver import Crowd, Report, error_m, map_site, over_rest, over_zenoh
 from homsense_fleet.world import World
 
 LAST_M = 300.0
@@ -196,14 +195,10 @@ def _advance(reports: tuple[Report, Report], blind: Session, step: DriveStep) ->
         step.travelled_m,
         step.truth,
         posted.holes,
-        _error(posted, step),
-        _error(other, step),
+        error_m(posted, step),
+        error_m(other, step),
         streamed.digest == posted.digest,
     )
-
-
-def _error(pose: Pose, step: DriveStep) -> float:
-    return math.dist((pose.best.x_m, pose.best.y_m), step.truth[:2])
 
 
 def final_median(moments: list[Moment], read: Callable[[Moment], float]) -> float:

@@ -1,11 +1,11 @@
 """``homsense zenoh router``: a router, where there is no ``zenohd``."""
 
-import json
 import signal
 import sys
 from pathlib import Path
 
 import zenoh
+from homsense_service.bridge.transport import said, with_values
 
 
 def run_router(listen: list[str], connect: list[str], config: Path | None) -> None:
@@ -29,16 +29,15 @@ def run_router(listen: list[str], connect: list[str], config: Path | None) -> No
     signal.pthread_sigmask(signal.SIG_BLOCK, signals)
     try:
         chosen = zenoh.Config() if config is None else zenoh.Config.from_file(str(config))
-        for path, value in {
+        routing = {
             "mode": "router",
             "listen/endpoints": listen,
             "connect/endpoints": connect,
             "scouting/multicast/enabled": False,
-        }.items():
-            chosen.insert_json5(path, json.dumps(value))
-        with zenoh.open(chosen):
+        }
+        with zenoh.open(with_values(chosen, routing)):
             sys.stderr.write(f"homsense routes at {', '.join(listen)}\n")
             signal.sigwait(signals)
     except zenoh.ZError as error:
-        message = f"zenoh: {str(error).partition(' at /')[0]}"
+        message = f"zenoh: {said(error)}"
         raise ValueError(message) from error

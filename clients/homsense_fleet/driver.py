@@ -114,8 +114,9 @@ def drive_robot(steps: Iterable[DriveStep], report: Report) -> list[float]:
     list of float
         One for each step.
     """
-    errors = []
-    for step in steps:
-        best = report(step).best
-        errors.append(math.dist((best.x_m, best.y_m), step.truth[:2]))
-    return errors
+    return [error_m(report(step), step) for step in steps]
+
+
+def error_m(pose: Pose, step: DriveStep) -> float:
+    """Return how far the best pose is from the truth, metres."""
+    return math.dist((pose.best.x_m, pose.best.y_m), step.truth[:2])

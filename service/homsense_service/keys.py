@@ -75,7 +75,7 @@ class KeyRing:
 
     def has(self, name: str) -> bool:
         """Tell whether a key by which somebody came in is still good."""
-        return name in self._records if self._records else True
+        return not self._records or name in self._records
 
     def caller(self, token: str | None) -> Caller:
         """Return who has a token.

@@ -214,11 +214,12 @@ class Operations:
             known = self.sessions.asked_as(asked_as)
             if known is None:
                 return self._opened(site_name, request, asked_as)
-            record = self.sessions.get(known).record
+            session = self.sessions.get(known)
+            record = session.record
             if (record.site, record.document["request"]) != (site_name, request.model_dump_json()):
                 message = "another session was asked for under this name before"
                 raise IdempotencyError(message)
-            return self.sessions.get(known)
+            return session
 
     def _opened(self, site_name: str, request: schemas.SessionIn, asked_as: str | None) -> Session:
         self._check_size(request)

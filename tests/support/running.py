@@ -107,28 +107,14 @@ class Service(Process):
         return sum(float(line.split()[-1]) for line in lines if line.startswith(name))
 
 
-ROUTER = """
-import json, signal, sys, zenoh
-config = zenoh.Config()
-for path, value in json.loads(sys.argv[1]).items():
-    config.insert_json5(path, json.dumps(value))
-with zenoh.open(config):
-    print("routes", flush=True)
-    signal.sigwait([signal.SIGTERM])
-"""
-
-
 class Router(Process):
     """A router."""
 
     def __init__(self, *listen: str, connect: tuple[str, ...] = ()) -> None:
-        config = {
-            "mode": "router",
-            "listen/endpoints": list(listen),
-            "connect/endpoints": list(connect),
-            "scouting/multicast/enabled": False,
-        }
-        super().__init__([sys.executable, "-c", ROUTER, json.dumps(config)])
+        command = [sys.executable, "-m", "homsense_cli", "zenoh", "router"]
+        for option, endpoints in (("--listen", listen), ("--connect", connect)):
+            command += [part for endpoint in endpoints for part in (option, endpoint)]
+        super().__init__(command)
         while not self.log:
             assert self.process.poll() is None
             time.sleep(0.02)

@@ -47,32 +47,12 @@ def access_control(
             message = f"device: {name!r} is not 1 to 64 letters, digits, '_', '.' and '-'"
             raise ValueError(message)
     keys = KeySpace(prefix)
-    rules: list[dict[str, Any]] = []
-    for name in devices:
-        sent = [keys.of_device(name, what) for what in ("imu", "scan")]
-        received = [keys.of_device(name, what) for what in ("pose", "particles", "event")]
-        rpc = keys.rpc(name, "*")
-        rules += [
-            _rule(f"{name} sends", ["put"], ["ingress"], sent),
-            _rule(f"{name} asks", ["query"], ["ingress"], [rpc]),
-            _rule(f"{name} is answered", ["reply"], ["egress"], [rpc]),
-            _rule(f"{name} reads", ["declare_subscriber"], ["ingress"], received),
-            _rule(f"{name} receives", ["put"], ["egress"], received),
-            _rule(f"{name} lives", ["liveliness_token"], ["ingress"], [keys.alive(name)]),
-            _rule(
-                f"{name} finds the service",
-                ["declare_subscriber", "declare_queryable"],
-                ["egress"],
-                [keys.of_device("*", "imu"), keys.of_device("*", "scan"), keys.rpc("*", "*")],
-            ),
-        ]
+    rules_of = {name: _rules(name, keys) for name in devices}
+    rules = [rule for found in rules_of.values() for rule in found]
     subjects = [{"id": name, by: [name]} for name in devices]
     policies = [
-        {
-            "rules": [rule["id"] for rule in rules if rule["id"].startswith(f"{name} ")],
-            "subjects": [name],
-        }
-        for name in devices
+        {"rules": [rule["id"] for rule in found], "subjects": [name]}
+        for name, found in rules_of.items()
     ]
     if names_service:
         everything = [
@@ -89,6 +69,24 @@ def access_control(
         "subjects": subjects,
         "policies": policies,
     }
+
+
+def _rules(name: str, keys: KeySpace) -> list[dict[str, Any]]:
+    """Return what a device may do."""
+    sent = [keys.of_device(name, what) for what in ("imu", "scan")]
+    received = [keys.of_device(name, what) for what in ("pose", "particles", "event")]
+    rpc = keys.rpc(name, "*")
+    service = [keys.of_device("*", "imu"), keys.of_device("*", "scan"), keys.rpc("*", "*")]
+    declared = ["declare_subscriber", "declare_queryable"]
+    return [
+        _rule(f"{name} sends", ["put"], ["ingress"], sent),
+        _rule(f"{name} asks", ["query"], ["ingress"], [rpc]),
+        _rule(f"{name} is answered", ["reply"], ["egress"], [rpc]),
+        _rule(f"{name} reads", ["declare_subscriber"], ["ingress"], received),
+        _rule(f"{name} receives", ["put"], ["egress"], received),
+        _rule(f"{name} lives", ["liveliness_token"], ["ingress"], [keys.alive(name)]),
+        _rule(f"{name} finds the service", declared, ["egress"], service),
+    ]
 
 
 def _rule(name: str, messages: list[str], flows: list[str], keys: list[str]) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """The rim towards zenoh: who sends what, and which device it concerns."""
 
 import asyncio
+import json
 import logging
 import time
 from collections.abc import Callable
@@ -10,7 +11,7 @@ from typing import NamedTuple
 import zenoh
 
 import homsense
-from homsense_service.bridge.device import Desk, Device, closed
+from homsense_service.bridge.device import Desk, Device
 from homsense_service.bridge.devices import Devices
 from homsense_service.bridge.encodings import Stamp, stamp_of
 from homsense_service.bridge.keyspace import METHODS, KeySpace
@@ -18,7 +19,7 @@ from homsense_service.bridge.lanes import Job, Lane, Workers
 from homsense_service.bridge.opening import OpenIn, Opening
 from homsense_service.bridge.outputs import Events, Output
 from homsense_service.bridge.presence import Presence
-from homsense_service.bridge.requests import Request, told
+from homsense_service.bridge.requests import Request
 from homsense_service.errors import (
     BodyTooLargeError,
     MethodNotFoundError,
@@ -30,6 +31,7 @@ from homsense_service.keys import KeyRing
 from homsense_service.limiting import RateLimit
 from homsense_service.metrics import Metrics
 from homsense_service.operations import Operations
+from homsense_service.problems import kind_of
 from homsense_service.records import Binding
 from homsense_service.settings import Settings
 from homsense_service.streams import Streams
@@ -146,10 +148,10 @@ class Bridge:
             return None
         try:
             attachment = sample.attachment
-            stamp = None if attachment is None else stamp_of(attachment.to_bytes())
+            stamp = stamp_of(None if attachment is None else attachment.to_bytes())
             return self._checked(name, stamp, len(sample.payload))
         except ServiceError as error:
-            code = str(told(error)["code"])
+            code = kind_of(error).code
             self._house.metrics.refused.labels(code).inc()
             self._events.tell(name, code, str(error))
             return None
@@ -175,7 +177,7 @@ class Bridge:
         try:
             self._ask(request)
         except ServiceError as error:
-            self._house.metrics.refused.labels(str(told(error)["code"])).inc()
+            self._house.metrics.refused.labels(kind_of(error).code).inc()
             self._workers.submit(partial(request.refuse, error))
 
     def _ask(self, request: Request) -> None:
@@ -188,26 +190,24 @@ class Bridge:
             self._house.rate_limit.hit(f"device {name}")
             self._check_size(len(request.payload))
             door = self._doors[hash(name) % DOORS]
-            if not door.post(partial(self._let_in, name, request)):
+            let_in = partial(self._let_in, name, request.payload)
+            if not door.post(partial(request.settle, let_in)):
                 message = "too many devices wait to be let in"
                 raise OverloadError(message)
             return
-        stamp = None if request.attachment is None else stamp_of(request.attachment)
+        stamp = stamp_of(request.attachment)
         device, sound = self._checked(name, stamp, len(request.payload))
         if request.method == "close":
-            self._workers.submit(partial(self._close, device, request))
+            self._workers.submit(partial(request.settle, partial(self._close, device)))
         else:
             device.ask(request, sound.number)
 
-    def _let_in(self, name: str, request: Request) -> None:
+    def _let_in(self, name: str, payload: bytes) -> bytes:
         """Open a session, in a thread of its own: a site may have to learn something first."""
-        try:
-            asked = OpenIn.model_validate_json(request.payload)
-            binding = self._opening.bound(name, asked, self._devices.binding(name))
-            self._devices.adopt(binding)
-            request.answer(self._opening.answer(binding))
-        except Exception as error:  # noqa: BLE001 - whoever asks is answered
-            request.refuse(error)
+        asked = OpenIn.model_validate_json(payload)
+        binding = self._opening.bound(name, asked, self._devices.binding(name))
+        self._devices.adopt(binding)
+        return self._opening.answer(binding)
 
     def device(self, name: str) -> Device:
         """Return a device or raise `DeviceNotFoundError`."""
@@ -250,14 +250,11 @@ class Bridge:
 
         again()
 
-    def _close(self, device: Device, request: Request) -> None:
-        try:
-            self._house.operations.sessions.close(device.session)
-            self._house.streams.end(device.session)
-            self._devices.forget(device.name)
-            request.answer(closed(device.session))
-        except Exception as error:  # noqa: BLE001 - whoever asks is answered
-            request.refuse(error)
+    def _close(self, device: Device) -> bytes:
+        self._house.operations.sessions.close(device.session)
+        self._house.streams.end(device.session)
+        self._devices.forget(device.name)
+        return json.dumps({"session": device.session, "closed": True}).encode()
 
     def _took(self, session: str, steps: int, frame: bytes) -> None:
         self._house.metrics.steps.inc(steps)

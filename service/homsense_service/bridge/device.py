@@ -1,7 +1,6 @@
 """One device: its messages become steps of its session, and the poses go back."""
 
 import hmac
-import json
 import threading
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -306,11 +305,6 @@ class Device:
 
 def _nothing() -> None:
     """Let the lane look at its inbox."""
-
-
-def closed(session: str) -> bytes:
-    """Return the answer to the end of a session."""
-    return json.dumps({"session": session, "closed": True}).encode()
 
 
 def _up_to_scans(steps: list[Step], asked: dict[int, list[Request]]) -> Iterator[list[Step]]:

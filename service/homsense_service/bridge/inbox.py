@@ -36,7 +36,6 @@ class Plan(NamedTuple):
 
 
 class _Waiting(NamedTuple):
-    first: int
     came_s: float
     given: Input
 
@@ -77,7 +76,7 @@ class Inbox:
             False when the oldest had to go, so that it will be missing.
         """
         if given.following > self.through + 1:
-            insort(self._waiting, _Waiting(given.first, now_s, given), key=lambda w: w.first)
+            insort(self._waiting, _Waiting(now_s, given), key=lambda w: w.given.first)
             self._scans += isinstance(given, Scan)
         if len(self._waiting) <= MOST_WAITING:
             return True
@@ -99,7 +98,7 @@ class Inbox:
             return Plan([], 0, due_s if self._waiting else None)
         walk = _Walk(self.through + 1, self._t, self._pace)
         wake_s = None
-        for _, came_s, given in self._waiting:
+        for came_s, given in self._waiting:
             if given.following <= walk.at:
                 continue
             if given.first > walk.at:

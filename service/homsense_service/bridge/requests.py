@@ -57,6 +57,13 @@ class Request:
         """The key that it came over."""
         return self._key
 
+    def settle(self, make: Callable[[], bytes]) -> None:
+        """Give the answer that is made, or say why there is none."""
+        try:
+            self.answer(make())
+        except Exception as error:  # noqa: BLE001 - whoever asks is answered
+            self.refuse(error)
+
     def answer(self, body: bytes) -> None:
         """Give the answer, JSON."""
         self._end(lambda: self._query.reply(self._query.key_expr, body, encoding=JSON))

@@ -1,6 +1,7 @@
 """How the service joins a zenoh network."""
 
 import json
+from collections.abc import Mapping
 from typing import Any
 
 import zenoh
@@ -44,7 +45,7 @@ def opened(settings: Settings) -> zenoh.Session:
         return zenoh.open(configured(settings))
     except zenoh.ZError as error:
         where = ", ".join([*settings.zenoh_listen, *settings.zenoh_connect])
-        message = f"zenoh at {where}: {str(error).partition(' at /')[0]}"
+        message = f"zenoh at {where}: {said(error)}"
         raise ConnectionError(message) from error
 
 
@@ -54,7 +55,7 @@ def configured(settings: Settings) -> zenoh.Config:
     try:
         config = zenoh.Config() if path is None else zenoh.Config.from_file(str(path))
     except zenoh.ZError as error:
-        message = f"zenoh_config: {path} cannot be used: {str(error).partition(' at /')[0]}"
+        message = f"zenoh_config: {path} cannot be used: {said(error)}"
         raise ValueError(message) from error
     chosen: dict[str, Any] = {
         "mode": "peer" if settings.zenoh_listen else "client",
@@ -69,9 +70,19 @@ def configured(settings: Settings) -> zenoh.Config:
         "transport/unicast/max_sessions": MAX_SESSIONS,
         "transport/shared_memory/enabled": False,
     }
-    for path_in_config, value in chosen.items():
-        config.insert_json5(path_in_config, json.dumps(value))
+    return with_values(config, chosen)
+
+
+def with_values(config: zenoh.Config, values: Mapping[str, Any]) -> zenoh.Config:
+    """Return a configuration with some values set, by their paths."""
+    for path, value in values.items():
+        config.insert_json5(path, json.dumps(value))
     return config
+
+
+def said(error: zenoh.ZError) -> str:
+    """Return what went wrong, without the place in zenoh's source."""
+    return str(error).partition(" at /")[0]
 
 
 def endpoint_host(endpoint: str) -> str:

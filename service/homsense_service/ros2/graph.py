@@ -8,7 +8,6 @@ import struct
 from typing import Literal, NamedTuple
 
 Dialect = Literal["rmw_zenoh", "ros2dds"]
-Kind = Literal["MP", "MS"]
 
 HASHES = {
     "std_msgs/msg/String": "df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18",
@@ -29,7 +28,7 @@ TOKENS = "@ros2_lv"
 RELIABLE, SENSOR = "::,10:,:,:,,", "2::,5:,:,:,,"
 _ATTACHMENT = struct.Struct("<qqB16s")
 _GID_BYTES = 16
-_FIELDS = 12
+_FIELDS = 13
 
 
 class Graph(NamedTuple):
@@ -128,7 +127,7 @@ def dds_type(kind: str) -> str:
 def endpoint_of(token: str) -> Endpoint | None:
     """Return the publisher or subscription that a token tells of, if it does."""
     fields = token.split("/")
-    if len(fields) < _FIELDS + 1 or fields[0] != TOKENS or fields[5] not in ("MP", "MS"):
+    if len(fields) < _FIELDS or fields[0] != TOKENS or fields[5] not in ("MP", "MS"):
         return None
     kind, namespace, node = fields[5], fields[7], fields[8]
     topic, dds, hashed, qos = fields[9:13]
