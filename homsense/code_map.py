@@ -72,7 +72,9 @@ class CodeMap:
         codes.ravel()[free] = code + 1
         ringed = np.pad(codes, 1).ravel()
         nowhere = np.full((1, len(steps)), np.nan)
-        return cls(free_space, ringed, np.concatenate([nowhere, steps.T[first] / steps_per_hole]))
+        expected = np.concatenate([nowhere, steps.T[first] / steps_per_hole])
+        by_column = np.asfortranarray(expected)  # as a measurement is weighed
+        return cls(free_space, ringed, by_column)
 
     @classmethod
     def blocks(cls, free_space: FreeSpace, block_m: float) -> Self:
