@@ -72,9 +72,8 @@ class CodeMap:
         codes.ravel()[free] = code + 1
         ringed = np.pad(codes, 1).ravel()
         nowhere = np.full((1, len(steps)), np.nan)
-        expected = np.concatenate([nowhere, steps.T[first] / steps_per_hole])
-        by_column = np.asfortranarray(expected)  # as a measurement is weighed
-        return cls(free_space, ringed, by_column)
+        known_by = np.concatenate([nowhere, steps.T[first] / steps_per_hole])
+        return cls(free_space, ringed, np.asfortranarray(known_by))  # weighed column by column
 
     @classmethod
     def blocks(cls, free_space: FreeSpace, block_m: float) -> Self:
