@@ -134,7 +134,11 @@ class MayerVietoris:
 
     def _append(self, simplex: int, planes: Planes, shared: int) -> None:
         own = 1 << len(self._simplices)
-        kept = {g: plane for g, plane in planes.items() if plane not in (0, shared)}
+        kept = {
+            generator: plane | (simplex & ~shared) if _is_most(plane, shared) else plane
+            for generator, plane in planes.items()
+            if plane not in (0, shared)
+        }
         for generator in planes:
             self._carriers.setdefault(generator, 0)
             if generator in kept:
@@ -262,6 +266,11 @@ class MayerVietoris:
             self._parent[index] = self._parent[self._parent[index]]
             index = self._parent[index]
         return index
+
+
+def _is_most(plane: int, shared: int) -> bool:
+    """Tell whether new points get potential 1: as most old ones, so that fewer planes vary."""
+    return 2 * plane.bit_count() > shared.bit_count()
 
 
 def _difference(one: Planes, other: Planes, meeting: int) -> set[int]:

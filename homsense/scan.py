@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 from homsense.errors import InvalidScanError
 
@@ -106,11 +107,9 @@ def observation(landmarks: Iterable[str]) -> frozenset[str]:
     if isinstance(landmarks, str | bytes):
         message = f"an observation is a set of identifiers, not the string {landmarks!r}"
         raise InvalidScanError(message, "landmarks")
-    given: frozenset[object] = frozenset(landmarks)
-    found: set[str] = set()
-    for landmark in given:
+    found: frozenset[Any] = frozenset(landmarks)
+    for landmark in found:
         if not isinstance(landmark, str) or not landmark:
             message = f"a landmark is identified by a non-empty string, not {landmark!r}"
             raise InvalidScanError(message, "landmarks")
-        found.add(landmark)
-    return frozenset(found)
+    return found

@@ -70,7 +70,7 @@ def no_labels(n_rows: int, widest: int, room: int) -> Labels:
     Labels
         Room for some planes more than that.
     """
-    planes = 2 * room + n_rows // 4
+    planes = 2 * room + n_rows
     table = np.empty((5, planes), np.int64)
     births = np.empty((3, room), np.int64)
     return Labels(

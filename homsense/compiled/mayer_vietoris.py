@@ -15,7 +15,7 @@ from homsense.compiled.labels import FULL, N_GENERATORS, Labels, no_labels
 from homsense.compiled.relations import bear, check, keep
 
 _RECENT = 8
-_WORTH_A_COLLAPSE = 256
+_WORTH_A_COLLAPSE = 512
 
 
 @allocating

@@ -6,6 +6,7 @@ from homsense.compiled.bit_strings import (
     NONE,
     ZERO,
     BitStrings,
+    count_bits,
     lowest_bit,
     lowest_member,
     without_lowest,
@@ -86,36 +87,45 @@ def check(glue: Glue, labels: Labels, rows: BitStrings, through: BitStrings, row
 @inlined
 def _agree(glue: Glue, labels: Labels, rows: BitStrings, other: int) -> bool:
     """Tell whether the planes of two rows differ by constants on what the rows share."""
-    meet(glue, rows, other)
     for slot in range(glue.counts[N_SLOTS]):
         plane = plane_of(labels, other, glue.generator[slot])
-        some = rest = ZERO
-        for index in range(glue.counts[N_MET]):
-            place = glue.met[index]
-            apart = glue.planes[slot * glue.widest + place]
-            if plane != NONE:
-                apart ^= plane_word(labels, plane, glue.active[place])
-            some |= apart & glue.meeting[index]
-            rest |= ~apart & glue.meeting[index]
-            if some and rest:
-                return False
+        if not _constant(glue, labels, rows, other, slot, plane):
+            return False
     plane = labels.first[other]
     while plane != NONE:
-        if slot_of(glue, labels.generator[plane]) == NONE:
-            some = rest = ZERO
-            for index in range(glue.counts[N_MET]):
-                apart = plane_word(labels, plane, glue.active[glue.met[index]])
-                some |= apart & glue.meeting[index]
-                rest |= ~apart & glue.meeting[index]
-                if some and rest:
-                    return False
+        if slot_of(glue, labels.generator[plane]) == NONE and not _constant(
+            glue, labels, rows, other, NONE, plane
+        ):
+            return False
         plane = labels.next_of_row[plane]
     return True
+
+
+@inlined
+def _constant(
+    glue: Glue, labels: Labels, rows: BitStrings, other: int, slot: int, plane: int
+) -> bool:
+    """Tell whether two planes, either of which may be `NONE`, differ by a constant."""
+    at, low, high = rows.at[other], rows.low[other], rows.high[other]
+    some = rest = ZERO
+    for place in range(glue.counts[N_ACTIVE]):
+        word = glue.active[place]
+        if low <= word < high:
+            apart = ZERO
+            if slot != NONE:
+                apart = glue.planes[slot * glue.widest + place]
+            if plane != NONE:
+                apart ^= plane_word(labels, plane, word)
+            meeting = glue.shared[place] & word_of(rows, at, word)
+            some |= apart & meeting
+            rest |= ~apart & meeting
+    return not (some and rest)
 
 
 @apart
 def _kill(glue: Glue, labels: Labels, rows: BitStrings, row: int, other: int) -> None:
     """Kill the youngest generator of a relation that two rows reveal."""
+    meet(glue, rows, other)
     adopt(glue, labels, other)
     origin, witness = _differing_points(glue, labels, other)
     found, youngest = 0, NONE
@@ -187,7 +197,9 @@ def bear(glue: Glue, labels: Labels, row: int, piece: int) -> None:
 
 @inlined
 def keep(glue: Glue, labels: Labels, rows: BitStrings, row: int) -> None:
-    """Keep the planes that vary over the row; its new points get potential 0.
+    """Keep the planes that vary over the row; its new points get the potential of most old ones.
+
+    Any potential would do; with this one fewer planes vary farther on.
 
     Parameters
     ----------
@@ -203,15 +215,18 @@ def keep(glue: Glue, labels: Labels, rows: BitStrings, row: int) -> None:
     low, high = rows.low[row], rows.high[row]
     for slot in range(glue.counts[N_SLOTS]):
         at = slot * glue.widest
-        some = rest = ZERO
+        ones = zeros = 0
         for place in range(glue.counts[N_ACTIVE]):
-            some |= glue.planes[at + place]
-            rest |= glue.shared[place] & ~glue.planes[at + place]
-        if some and rest:
+            ones += count_bits(glue.planes[at + place])
+            zeros += count_bits(glue.shared[place] & ~glue.planes[at + place])
+        if ones and zeros:
             plane = new_plane(labels, row, glue.generator[slot], low, high)
             if plane == NONE:
                 return
-            for word in range(labels.at[plane] + low, labels.at[plane] + high):
-                labels.words[word] = ZERO
+            fresh = ~ZERO if ones > zeros else ZERO
+            for word in range(low, high):
+                labels.words[labels.at[plane] + word] = fresh & rows.words[rows.at[row] + word]
             for place in range(glue.counts[N_ACTIVE]):
-                labels.words[labels.at[plane] + glue.active[place]] = glue.planes[at + place]
+                word = labels.at[plane] + glue.active[place]
+                labels.words[word] &= ~glue.shared[place]
+                labels.words[word] |= glue.planes[at + place]

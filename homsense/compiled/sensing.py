@@ -15,6 +15,8 @@ from homsense.facet_table import Version
 
 Ints = NDArray[Any]
 
+_MOST_QUERIES = np.iinfo(np.int32).max
+
 
 class Workspace(NamedTuple):
     """Marks for one query at a time.
@@ -78,7 +80,7 @@ class Workspace(NamedTuple):
         return (
             version.n_landmarks <= len(self.landmark_mark)
             and version.n_facets <= len(self.facet_mark)
-            and int(self.counts[0]) < np.iinfo(np.int32).max
+            and self.counts[0] < _MOST_QUERIES
         )
 
 
