@@ -8,12 +8,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from homsense import histogram, modes, philox, stages
+from homsense import histogram, modes, philox, resetting, stages
 from homsense.free_space import Walls
-from homsense.grid import Raster
+from homsense.grid import Grid, Raster
 from homsense.histogram import Histogram
 from homsense.modes import Moments
 from homsense.particles import Particles
+from homsense.resetting import CellMasses, CodedCells
 from homsense.stages import Move, Reweighed
 from homsense.weights import WeightSums
 
@@ -33,6 +34,8 @@ class Backend(NamedTuple):
         ``"numpy"`` or ``"numba"``.
     random_words, propagate, reweigh, weigh, systematic : callable
         As in `homsense.philox` and `homsense.stages`.
+    cell_masses, draw : callable
+        As in `homsense.resetting`.
     histogram, hills, moments : callable
         As in `homsense.histogram` and `homsense.modes`.
     """
@@ -43,6 +46,8 @@ class Backend(NamedTuple):
     reweigh: Callable[[Particles, Raster, Codes, Integers], Reweighed]
     weigh: Callable[[Particles], tuple[Weights, WeightSums]]
     systematic: Callable[[Particles, Weights, int, int, int], Particles]
+    cell_masses: Callable[[CodedCells, Integers], CellMasses]
+    draw: Callable[[CodedCells, CellMasses, Weights, Weights], Particles]
     histogram: Callable[[Particles, Weights, float], Histogram]
     hills: Callable[[tuple[int, int], IntArray, IntArray], IntArray]
     moments: Callable[[Particles, Weights, IntArray, int, FloatArray], Moments]
@@ -55,6 +60,8 @@ NUMPY = Backend(
     stages.reweigh,
     stages.weigh,
     stages.systematic,
+    resetting.cell_masses,
+    resetting.draw,
     histogram.histogram,
     modes.hills,
     modes.moments,
@@ -107,6 +114,9 @@ def warmed() -> Backend:
     particles = chosen.reweigh(particles, raster, np.zeros(9, np.uint16), nothing).particles
     weights, sums = chosen.weigh(particles)
     chosen.systematic(particles, weights, sums.total, 0, 1)
+    coded = CodedCells(Grid(0.0, 0.0, 1.0, 1, 1), np.arange(2.0), *np.zeros((2, 2), np.intp))
+    masses = chosen.cell_masses(coded, np.zeros(2, np.int32))
+    chosen.draw(coded, masses, *np.hsplit(np.zeros((4, 2), np.uint32), 2))
     found = chosen.histogram(particles, weights, 1.0)
     chosen.hills(found.smooth.shape, found.order, found.smooth.ravel())
     chosen.moments(particles, weights, np.zeros(1, np.int64), 1, np.zeros(2))

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from homsense.free_space import FreeSpace
 from homsense.height import HeightMap
+from homsense.resetting import CodedCells
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -120,17 +121,13 @@ class CodeMap:
         return sizes
 
     @cached_property
-    def cells(self) -> IntArray:
+    def coded_cells(self) -> CodedCells:
         """The free cells, sorted by code."""
-        raster = self.free_space.grid.raster
-        codes = self.codes.reshape(raster.rows, raster.columns)[1:-1, 1:-1].ravel()
+        grid = self.free_space.grid
+        codes = self.codes.reshape(grid.raster.rows, grid.raster.columns)[1:-1, 1:-1].ravel()
         order = np.argsort(codes, kind="stable")
-        return order[len(order) - int(self.sizes.sum()) :]
-
-    @cached_property
-    def starts(self) -> IntArray:
-        """Where the cells of each code begin in `cells`."""
-        return (np.cumsum(self.sizes) - self.sizes).astype(np.intp)
+        starts = (np.cumsum(self.sizes) - self.sizes).astype(np.intp)
+        return CodedCells(grid, self.sizes, order[len(order) - int(self.sizes.sum()) :], starts)
 
 
 def _codes(steps: NDArray[np.int64]) -> tuple[IntArray, IntArray]:

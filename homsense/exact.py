@@ -191,7 +191,9 @@ def exp(numbers: Doubles) -> Doubles:
     rest = (bounded - twos * _LN_2_HIGH) - twos * _LN_2_LOW
     series = np.ones_like(rest)
     for term in range(_EXP_TERMS, 0, -1):
-        series = series * rest / term + 1.0
+        series *= rest
+        series /= term
+        series += 1.0
     result: Doubles = np.ldexp(series, twos.astype(np.int32))
     return np.where(numbers < _EXP_LEAST, 0.0, result)
 
@@ -222,6 +224,7 @@ def log2(numbers: Doubles) -> Doubles:
     square = ratio * ratio
     series = np.zeros_like(ratio)
     for term in range(_LOG_TERMS, 0, -1):
-        series = series * square + 1.0 / (2 * term - 1)
+        series *= square
+        series += 1.0 / (2 * term - 1)
     result: Doubles = exponent + 2.0 * ratio * series * _LOG_2_E
     return result

@@ -202,8 +202,9 @@ class Expectation:
             others = (times * mean[known, :levels] - own) / np.maximum(times - 1, 1)
             fields = np.concatenate([others, spread[known, :levels]], axis=1)
             truths = np.arange(0, len(known), max(1, len(known) // _TRUTHS))
+            weigh = noise.weigher(fields)
             for truth in truths:
-                bits = noise.bits(own[truth], fields)
+                bits = weigh(own[truth])
                 best = bits.max()
                 told.append(bits[truth] - best - np.log2(np.exp2(bits - best).mean()))
         return float(np.mean(told))

@@ -18,7 +18,6 @@ IntArray = NDArray[np.intp]
 Singles = NDArray[np.float32]
 Words = NDArray[np.uint32]
 
-_UNIT = 2.0**-32
 _MOST_HALVES = 254.0
 _WORD = np.uint64(32)
 
@@ -140,28 +139,7 @@ class FreeSpace:
         """
         cells = self._free_cells
         chosen = cells[(words[0] * np.uint64(len(cells)) >> _WORD).astype(np.intp)]
-        return self.within(chosen, words[1], words[2])
-
-    def within(self, cells: IntArray, right: Words, up: Words) -> tuple[Singles, Singles]:
-        """Draw a place in each of some cells.
-
-        Parameters
-        ----------
-        cells : ndarray, shape (N,), intp
-            Flat indices.
-        right, up : ndarray, shape (N,), uint32
-            Random bits.
-
-        Returns
-        -------
-        x_m, y_m : ndarray, shape (N,), float32
-            Places.
-        """
-        row, column = np.divmod(cells, self.grid.columns)
-        cell_m = self.grid.cell_m
-        x = self.grid.west_m + cell_m * (column + right * _UNIT)
-        y = self.grid.south_m + cell_m * (row + up * _UNIT)
-        return x.astype(np.float32), y.astype(np.float32)
+        return self.grid.within(chosen, words[1], words[2])
 
     @cached_property
     def walls(self) -> Walls:

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -12,8 +13,11 @@ from homsense.site_map import SiteMap
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
+Singles = NDArray[np.float32]
+Words = NDArray[np.uint32]
 
 MAX_CELLS = 4_000_000
+_UNIT = 2.0**-32
 
 
 class Raster(NamedTuple):
@@ -38,7 +42,7 @@ class Raster(NamedTuple):
     rows: int
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Grid:
     """Square cells, row by row from the south-west corner.
 
@@ -95,7 +99,7 @@ class Grid:
         """Rows and columns."""
         return self.rows, self.columns
 
-    @property
+    @cached_property
     def raster(self) -> Raster:
         """The same with a ring around it, in single precision."""
         west, south = self.west_m - self.cell_m, self.south_m - self.cell_m
@@ -113,6 +117,26 @@ class Grid:
         x = self.west_m + (np.arange(self.columns) + 0.5) * self.cell_m
         y = self.south_m + (np.arange(self.rows) + 0.5) * self.cell_m
         return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+
+    def within(self, cells: IntArray, right: Words, up: Words) -> tuple[Singles, Singles]:
+        """Draw a place in each of some cells.
+
+        Parameters
+        ----------
+        cells : ndarray, shape (N,), intp
+            Flat indices.
+        right, up : ndarray, shape (N,), uint32
+            Random bits.
+
+        Returns
+        -------
+        x_m, y_m : ndarray, shape (N,), float32
+            Places.
+        """
+        row, column = np.divmod(cells, self.columns)
+        x = self.west_m + self.cell_m * (column + right * _UNIT)
+        y = self.south_m + self.cell_m * (row + up * _UNIT)
+        return x.astype(np.float32), y.astype(np.float32)
 
     def flat_index(self, xy: FloatArray) -> IntArray:
         """Return the flat index of the cell that holds each place, -1 outside the grid.

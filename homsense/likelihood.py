@@ -51,7 +51,7 @@ class CodeLikelihood:
         self.code_map = code_map
         self.correlation_m = noise.correlation_m
         self._n_levels = noise.n_levels(code_map.n_fields)
-        self._bits = lru_cache(_REMEMBERED)(lambda counts: noise.bits(counts, code_map.expected))
+        self._weigh = lru_cache(_REMEMBERED)(noise.weigher(code_map.expected))
 
     def __call__(self, counts: Sequence[float]) -> FloatArray:
         """Weigh a measurement once for each code.
@@ -79,8 +79,7 @@ class CodeLikelihood:
             if not 0 <= count <= MAX_COUNT:
                 message = f"a count must be in [0, {MAX_COUNT}], not {count}"
                 raise InvalidInputError(message, "counts")
-        bits: FloatArray = self._bits(tuple(counts))
-        return bits
+        return self._weigh(tuple(counts))
 
 
 def mean_advantage_bits(

@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from homsense import recovery
 from homsense.backend import Backend, fastest
 from homsense.code_map import NOWHERE, CodeMap
 from homsense.configuration import LocalizerConfig
@@ -29,6 +28,7 @@ from homsense.policy import ess_below
 from homsense.pose import Delta
 from homsense.recovery import Doubt, Relocation
 from homsense.resample import SCHEMES, scaled
+from homsense.resetting import CellMasses
 from homsense.site_map import SiteMap
 from homsense.stages import chosen
 from homsense.travel import Travel
@@ -83,7 +83,7 @@ class LocalizerState:
 class _Fresh(NamedTuple):
     """Particles to draw anew: from where, and which share of all."""
 
-    masses: recovery.CellMasses
+    masses: CellMasses
     share: float
 
 
@@ -294,7 +294,7 @@ class Localizer:
             particles, self.free_space.grid.raster, self.code_map.codes, table
         )
         evidence = gain / UNITS_PER_BIT + bits(after) - bits(before)
-        masses = recovery.cell_masses(self.code_map, table)
+        masses = self.backend.cell_masses(self.code_map.coded_cells, table)
         advantage = evidence - masses.evidence_bits
         rule = self.config.recovery
         doubt, share = (rule or _WATCHING).share(
@@ -303,7 +303,7 @@ class Localizer:
         if rule is None:
             return weighed, doubt, None
         if not rule.draws_from_measurement:
-            masses = recovery.cell_masses(self.code_map, np.zeros_like(table))
+            masses = self.backend.cell_masses(self.code_map.coded_cells, np.zeros_like(table))
         return weighed, doubt, _Fresh(masses, share)
 
     def _resample(
@@ -329,10 +329,9 @@ class Localizer:
             kept = chosen(particles, scheme(weights, words, count - injected))
         if fresh is None or not injected:
             return kept, 0
-        draws = (
-            random_words(*key, Purpose.RELOCATION + _STREAMS * block, injected) for block in (0, 1)
-        )
-        return joined([kept, recovery.draw(self.code_map, fresh.masses, *draws)]), injected
+        which, place = np.hsplit(random_words(*key, Purpose.RELOCATION, 2 * injected), 2)
+        drawn = self.backend.draw(self.code_map.coded_cells, fresh.masses, which, place)
+        return joined([kept, drawn]), injected
 
 
 def _rounded(number: float, word: int) -> int:

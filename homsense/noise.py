@@ -6,7 +6,7 @@ raised to ``way / correlation_m``, at most 1.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Protocol
@@ -18,10 +18,12 @@ from homsense.errors import InvalidConfigurationError
 from homsense.exact import exp, log2
 
 FloatArray = NDArray[np.float64]
+Weigher = Callable[[Sequence[float]], FloatArray]
 
 LEAST_SPREAD = 0.5
 _NO_MATCH, _LEAST = 1e3, 1e-300
 _NOTHING_BITS = -1e3
+_REMEMBERED = 64
 
 
 class Noise(Protocol):
@@ -36,8 +38,11 @@ class Noise(Protocol):
         """Return how many counts a measurement has when places are known by so many numbers."""
         ...
 
-    def bits(self, counts: Sequence[float], expected: FloatArray) -> FloatArray:
-        """Return the binary logarithm of the likelihood for each row of `expected`, at most 0."""
+    def weigher(self, expected: FloatArray) -> Weigher:
+        """Return what gives the binary logarithms of a measurement's likelihood, at most 0.
+
+        One for each row of `expected`.
+        """
         ...
 
 
@@ -86,27 +91,33 @@ class CountNoise:
         """
         return n_fields
 
-    def bits(self, counts: Sequence[float], expected: FloatArray) -> FloatArray:
-        """Return how well each place explains a measurement.
+    def weigher(self, expected: FloatArray) -> Weigher:
+        """Return what tells how well each place explains measured counts.
 
         Parameters
         ----------
-        counts : sequence of float
-            Measured, one for each neighborhood.
         expected : ndarray, shape (N, n_levels), float64
             Expected counts; not a number where nobody can be.
 
         Returns
         -------
-        ndarray, shape (N,), float64
-            Binary logarithms, at most 0.
+        callable
+            Takes a count for each neighborhood; returns binary logarithms, shape (N,), at most 0.
         """
-        total = np.zeros(len(expected))
-        for level, count in enumerate(counts):
+
+        @lru_cache(_REMEMBERED)
+        def of_level(level: int, count: float) -> FloatArray:
             apart = (expected[:, level] - float(count)) / self.sigma
             match = exp(-0.5 * np.square(np.nan_to_num(apart, nan=_NO_MATCH)))
-            total += log2(np.maximum(self.floor + (1.0 - self.floor) * match, _LEAST))
-        return total
+            return log2(np.maximum(self.floor + (1.0 - self.floor) * match, _LEAST))
+
+        def weigh(counts: Sequence[float]) -> FloatArray:
+            total = np.zeros(len(expected))
+            for level, count in enumerate(counts):
+                total += of_level(level, count)
+            return total
+
+        return weigh
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +144,7 @@ class FieldNoise:
     --------
     >>> noise = FieldNoise(((1.0, 0.5), (0.5, 1.0)), (1.0, 1.0), (0.0, 0.0), 20.0, 80.0)
     >>> expected_then_spread = np.array([[3.0, 7.0, 1.0, 2.0], [5.0, 9.0, 1.0, 2.0]])
-    >>> noise.bits([3, 7], expected_then_spread).round(2).tolist()
+    >>> noise.weigher(expected_then_spread)([3, 7]).round(2).tolist()
     [-3.0, -5.89]
     """
 
@@ -166,40 +177,47 @@ class FieldNoise:
         """
         return n_fields // 2
 
-    def bits(self, counts: Sequence[float], expected: FloatArray) -> FloatArray:
-        """Return how well each place explains a measurement.
+    def weigher(self, expected: FloatArray) -> Weigher:
+        """Return what tells how well each place explains measured counts.
 
         Parameters
         ----------
-        counts : sequence of float
-            Measured, one for each neighborhood.
         expected : ndarray, shape (N, 2 * n_levels), float64
             Expected counts, then their spreads, not below half a hole; not a number where nobody
             can be.
 
         Returns
         -------
-        ndarray, shape (N,), float64
-            Binary logarithms of the density, less that of the best match of the least spread.
+        callable
+            Takes a count for each neighborhood; returns binary logarithms, shape (N,), of the
+            density, less that of the best match of the least spread.
         """
-        levels = len(counts)
+        levels = expected.shape[1] // 2
         root = _root(self.correlation)
-        independent: list[FloatArray] = []
-        squares, volume = np.zeros(len(expected)), np.ones(len(expected))
-        for level, count in enumerate(counts):
-            measured = self.offsets[level] + self.gains[level] * float(count)
-            spread = np.maximum(expected[:, levels + level], LEAST_SPREAD)
-            error = (measured - expected[:, level]) / spread
-            for before, part in enumerate(independent):
-                error -= root[level][before] * part
-            error /= root[level][level]
-            independent.append(error)
-            squares += error * error
-            volume *= spread * (1.0 / LEAST_SPREAD)
-        nowhere = np.isnan(squares)
-        match = log2(1.0 + np.where(nowhere, 0.0, squares) / self.freedom)
-        found = -0.5 * (self.freedom + levels) * match - log2(np.where(nowhere, 1.0, volume))
-        return np.where(nowhere, _NOTHING_BITS, found)
+        nowhere = np.isnan(expected).any(axis=1)
+        mean = np.where(nowhere, 0.0, expected[:, :levels].T)
+        spread = np.where(nowhere, np.inf, np.maximum(expected[:, levels:].T, LEAST_SPREAD))
+        volume = np.ones(len(expected))
+        for of_level in spread:
+            volume *= np.where(nowhere, 1.0, of_level * (1.0 / LEAST_SPREAD))
+        volume_bits = np.where(nowhere, -_NOTHING_BITS, log2(volume))
+
+        def weigh(counts: Sequence[float]) -> FloatArray:
+            independent: list[FloatArray] = []
+            squares = np.zeros(len(expected))
+            for level, count in enumerate(counts):
+                measured = self.offsets[level] + self.gains[level] * float(count)
+                error = (measured - mean[level]) / spread[level]
+                for before, part in enumerate(independent):
+                    error -= root[level][before] * part
+                error /= root[level][level]
+                independent.append(error)
+                squares += error * error
+            squares /= self.freedom
+            match_bits: FloatArray = -0.5 * (self.freedom + levels) * log2(1.0 + squares)
+            return match_bits - volume_bits
+
+        return weigh
 
 
 def _check_positive(name: str, number: float) -> None:

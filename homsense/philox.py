@@ -16,6 +16,7 @@ MULTIPLIERS = np.uint64(0xD2511F53), np.uint64(0xCD9E8D57)
 WEYL = np.uint32(0x9E3779B9), np.uint32(0xBB67AE85)
 _MASK = 0xFFFFFFFF
 _WORD = np.uint64(32)
+_FACTORS, _STEPS = np.array(MULTIPLIERS)[:, None], np.array(WEYL)[:, None]
 
 
 class Purpose(IntEnum):
@@ -49,15 +50,17 @@ def random_words(seed: int, tick: int, purpose: int, count: int, first: int = 0)
     >>> [hex(word) for word in random_words(0, 0, 0, 1)[:, 0].tolist()]
     ['0x6627e8d5', '0xe169c58d', '0xbc57ac4c', '0x9b00dbd8']
     """
-    c0 = np.arange(first, first + count, dtype=np.uint32)
-    c1, c2, c3 = (np.full(count, word, np.uint32) for word in (tick & _MASK, tick >> 32, purpose))
-    k0, k1 = seed & _MASK, seed >> 32
+    words = np.empty((2, 2, count), np.uint32)
+    words[0, 0] = np.arange(first, first + count, dtype=np.uint32)
+    words[0, 1], words[1, 0], words[1, 1] = tick & _MASK, tick >> 32, purpose
+    even, odd = words[:, 0], words[:, 1]
+    key = np.array([[seed & _MASK], [seed >> 32]], np.uint32)
     for _ in range(ROUNDS):
-        low = MULTIPLIERS[0] * c0.astype(np.uint64)
-        high = MULTIPLIERS[1] * c2.astype(np.uint64)
-        c0 = (high >> _WORD).astype(np.uint32) ^ c1 ^ np.uint32(k0)
-        c1 = high.astype(np.uint32)
-        c2 = (low >> _WORD).astype(np.uint32) ^ c3 ^ np.uint32(k1)
-        c3 = low.astype(np.uint32)
-        k0, k1 = (k0 + int(WEYL[0])) & _MASK, (k1 + int(WEYL[1])) & _MASK
-    return np.stack([c0, c1, c2, c3])
+        product = even * _FACTORS
+        even = (product[::-1] >> _WORD).astype(np.uint32)
+        even ^= odd
+        even ^= key
+        odd = product[::-1].astype(np.uint32)
+        key = key + _STEPS
+    words[:, 0], words[:, 1] = even, odd
+    return words.reshape(4, count)

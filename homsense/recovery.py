@@ -7,20 +7,10 @@ particles. By Bayes' rule that hypothesis gets a share of them, drawn from p(x |
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
-from homsense.code_map import CodeMap
 from homsense.errors import InvalidConfigurationError
-from homsense.particles import Particles
 from homsense.scalar import exp2
-from homsense.weights import UNITS_PER_BIT, bits, linear
-
-Words = NDArray[np.uint32]
 
 _MOST_ODDS = 1e9
-_WORD = 2.0**-32
-_HALF = np.float32(0.5)
 
 
 class Doubt(NamedTuple):
@@ -171,66 +161,3 @@ class AugmentedMcl:
         slow = doubt.slow + self.alpha_slow * (likelihood - doubt.slow)
         fast = doubt.fast + self.alpha_fast * (likelihood - doubt.fast)
         return doubt._replace(slow=slow, fast=fast), max(0.0, 1.0 - fast / slow)
-
-
-class CellMasses(NamedTuple):
-    """How much of the likelihood of a measurement lies on the cells of each code.
-
-    Parameters
-    ----------
-    of_code : ndarray, shape (n_codes,), float64
-        Whole numbers; 2**20 for each cell of the code that explains best.
-    evidence_bits : float
-        Binary logarithm of the mean likelihood over all free space.
-    """
-
-    of_code: NDArray[np.float64]
-    evidence_bits: float
-
-
-def cell_masses(code_map: CodeMap, table: NDArray[np.int32]) -> CellMasses:
-    """Return where a measurement can have been made.
-
-    Parameters
-    ----------
-    code_map : CodeMap
-        The cells.
-    table : ndarray, shape (n_codes,), int32
-        Log-likelihood of each code.
-
-    Returns
-    -------
-    CellMasses
-        Of all free space.
-    """
-    best = int(table[1:].max())
-    likelihood = linear(np.minimum(table - np.int32(best), np.int32(0)))
-    of_code = likelihood * code_map.sizes
-    mean = float(of_code.sum()) / len(code_map.cells)
-    return CellMasses(of_code, best / UNITS_PER_BIT + bits(mean))
-
-
-def draw(code_map: CodeMap, masses: CellMasses, which: Words, place: Words) -> Particles:
-    """Draw poses from p(x | z): a code by its mass, then one of its cells.
-
-    Parameters
-    ----------
-    code_map : CodeMap
-        The cells.
-    masses : CellMasses
-        Of the measurement.
-    which, place : ndarray, shape (4, N), uint32
-        Random bits.
-
-    Returns
-    -------
-    Particles
-        Of equal weight and any heading.
-    """
-    reached = np.cumsum(masses.of_code)
-    code = np.searchsorted(reached, which[0] * (_WORD * reached[-1]), side="right")
-    nth = (which[1] * (_WORD * code_map.sizes[code])).astype(np.int64)
-    cells = code_map.cells[code_map.starts[code] + nth]
-    x, y = code_map.free_space.within(cells, place[0], place[1])
-    turns = (which[2] * _WORD).astype(np.float32) - _HALF
-    return Particles(x, y, turns, np.zeros(len(x), np.int32))

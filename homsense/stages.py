@@ -151,9 +151,9 @@ def blocked(
 ) -> NDArray[np.bool_]:
     """Tell which straight moves meet a cell that is not free.
 
-    A way no longer than the clearances of its ends together is free. Any other is looked at in
-    strides as long as the clearance of the place reached, or half a cell; so no more than a corner
-    can be cut.
+    A way no longer than the clearances of its ends together is free. Any other is looked at up to
+    the clearance of its end, in strides as long as the clearance of the place reached, or half a
+    cell; so no more than a corner can be cut.
 
     Parameters
     ----------
@@ -174,16 +174,18 @@ def blocked(
     stopped = after < 0
     near = np.flatnonzero(~stopped & ((before < 0) | (square > reach * reach)))
     length = np.sqrt(square[near])
+    ways = np.stack([x_m[near], y_m[near], right[near], up[near], length, length - after[near]])
     gone = np.maximum(before[near], walls.half_cell_m)
     while True:
-        on_the_way = np.flatnonzero(gone < length)
+        on_the_way = np.flatnonzero(gone < ways[-1])
         if not len(on_the_way):
             return stopped
-        near, length, gone = near[on_the_way], length[on_the_way], gone[on_the_way]
+        near, ways, gone = near[on_the_way], ways[:, on_the_way], gone[on_the_way]
+        from_x, from_y, east, north, length, until = ways
         part = gone / length
-        ahead = clearances_m(walls, x_m[near] + right[near] * part, y_m[near] + up[near] * part)
+        ahead = clearances_m(walls, from_x + east * part, from_y + north * part)
         stopped[near] = ahead < 0
-        gone = np.where(ahead < 0, length, gone + np.maximum(ahead, walls.half_cell_m))
+        gone = np.where(ahead < 0, until, gone + np.maximum(ahead, walls.half_cell_m))
 
 
 class Reweighed(NamedTuple):

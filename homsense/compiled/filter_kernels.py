@@ -6,13 +6,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from homsense.compiled import exact, stages, summary
+from homsense.compiled import exact, resetting, stages, summary
 from homsense.compiled.jit import fingerprint, kept
 from homsense.free_space import Walls
 from homsense.grid import Raster
 from homsense.histogram import Histogram
 from homsense.modes import Moments
 from homsense.particles import Particles
+from homsense.resetting import CellMasses, CodedCells, evidence_bits
 from homsense.stages import Move, Reweighed
 from homsense.weights import WeightSums
 
@@ -134,6 +135,47 @@ def systematic(
     return Particles(*_systematic(particles, weights, total, offset, count))
 
 
+def cell_masses(coded: CodedCells, table: Integers) -> CellMasses:
+    """Return where a measurement can have been made.
+
+    Parameters
+    ----------
+    coded : CodedCells
+        The cells.
+    table : ndarray, shape (n_codes,), int32
+        Log-likelihood of each code.
+
+    Returns
+    -------
+    CellMasses
+        As `homsense.resetting.cell_masses` gives them.
+    """
+    of_code, total, best = _cell_masses(coded.sizes, table)
+    return CellMasses(of_code, evidence_bits(coded, total, int(best)))
+
+
+def draw(coded: CodedCells, masses: CellMasses, which: Weights, place: Weights) -> Particles:
+    """Draw poses from p(x | z).
+
+    Parameters
+    ----------
+    coded : CodedCells
+        The cells.
+    masses : CellMasses
+        Of the measurement.
+    which, place : ndarray, shape (4, N), uint32
+        Random bits.
+
+    Returns
+    -------
+    Particles
+        As `homsense.resetting.draw` gives them.
+    """
+    grid, *by_code = coded
+    corner = float(grid.west_m), float(grid.south_m), float(grid.cell_m), grid.columns
+    return Particles(*_draw(*by_code, masses.of_code, corner, which, place))
+
+
 def histogram(particles: Particles, weights: Weights, cell_m: float) -> Histogram:
     """Return the histogram of some particles.
 
@@ -224,6 +266,14 @@ def _outermost(fingerprint: str) -> tuple[Callable[..., Any], ...]:
         fingerprint  # noqa: B018
         return stages.systematic(particles, weights, total, offset, count)
 
+    def cell_masses(sizes, table):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+        fingerprint  # noqa: B018
+        return resetting.cell_masses(sizes, table)
+
+    def draw(sizes, cells, starts, of_code, grid, which, place):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+        fingerprint  # noqa: B018
+        return resetting.draw(sizes, cells, starts, of_code, grid, which, place)
+
     def histogram(particles, weights, per_m):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
         fingerprint  # noqa: B018
         return summary.histogram(particles, weights, per_m)
@@ -242,6 +292,8 @@ def _outermost(fingerprint: str) -> tuple[Callable[..., Any], ...]:
         kept(reweigh),
         kept(weigh),
         kept(systematic),
+        kept(cell_masses),
+        kept(draw),
         kept(histogram),
         kept(hills),
         kept(moments),
@@ -254,7 +306,9 @@ def _outermost(fingerprint: str) -> tuple[Callable[..., Any], ...]:
     _reweigh,
     _weigh,
     _systematic,
+    _cell_masses,
+    _draw,
     _histogram,
     _hills,
     _moments,
-) = _outermost(fingerprint(exact, stages, summary))
+) = _outermost(fingerprint(exact, resetting, stages, summary))

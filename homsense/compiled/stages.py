@@ -80,7 +80,7 @@ def propagate(
     _clear(particles.x_m, particles.y_m, walls, cells, before)
     _clear(x, y, walls, cells, after)
     _vouch(particles, before, after, x, y, log_weight, doubtful)
-    _march(particles, walls, before, doubtful, x, y, log_weight)
+    _march(particles, walls, before, after, doubtful, x, y, log_weight)
     _lift(log_weight)
     return x, y, turns, log_weight
 
@@ -154,6 +154,7 @@ def _march(
     particles: Particles,
     walls: Walls,
     before: Array,
+    after: Array,
     doubtful: Array,
     x: Array,
     y: Array,
@@ -165,8 +166,8 @@ def _march(
         from_x, from_y = particles.x_m[index], particles.y_m[index]
         right, up = x[index] - from_x, y[index] - from_y
         length = np.sqrt(right * right + up * up)
-        gone = max(before[index], walls.half_cell_m)
-        while gone < length:
+        gone, until = max(before[index], walls.half_cell_m), length - after[index]
+        while gone < until:
             part = gone / length
             ahead = _clearance_m(walls, from_x + right * part, from_y + up * part)
             if ahead < _NOTHING:
@@ -253,12 +254,13 @@ def _lower(log_weight: Array, best: int) -> None:
 def _total(log_weight: Array) -> Any:
     total = np.uint64(0)
     for index in range(len(log_weight)):
-        total += np.uint64(_linear(log_weight[index]))
+        total += np.uint64(linear(log_weight[index]))
     return total
 
 
 @inlined
-def _linear(log_weight: Any) -> Any:
+def linear(log_weight: Any) -> Any:
+    """Return the weight of a log-weight."""
     halvings = min(np.int32(-(log_weight >> _UNIT_BITS)), _MOST_HALVINGS)
     return _FRACTIONS[np.uint32(log_weight & _FRACTION_BITS)] >> np.uint32(halvings)
 
@@ -288,7 +290,7 @@ def weigh(log_weight: Array) -> tuple[Array, int, int]:
 def _sum(log_weight: Array, found: Array) -> Any:
     total = squares = np.uint64(0)
     for index in range(len(found)):
-        weight = _linear(log_weight[index])
+        weight = linear(log_weight[index])
         found[index] = weight
         total += np.uint64(weight)
         squares += np.uint64(weight) * np.uint64(weight)

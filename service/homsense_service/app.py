@@ -107,6 +107,11 @@ def create_app(
         summary="Localization without survey, GPS or labels, by homological sensing.",
         license_info={"name": "Apache-2.0", "identifier": "Apache-2.0"},
         lifespan=lifespan,
+        telemetry={
+            "auto_configure": chosen.telemetry,
+            "operation_spans": False,
+            "logs": False,
+        },
     )
     answers.install(app)
     app.add_middleware(TimedRequests)

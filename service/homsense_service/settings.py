@@ -1,5 +1,6 @@
 """Settings; the only reader of the environment."""
 
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Literal
 
@@ -105,6 +106,20 @@ class Settings(BaseSettings):
     height_cell_m: float = Field(
         default=4.0, gt=0.0, description="Resolution of the height maps, metres."
     )
+
+    telemetry: bool = Field(
+        default=False,
+        description="Export traces and metrics of requests over OTLP, to where the standard "
+        "variable OTEL_EXPORTER_OTLP_ENDPOINT says; needs the extra homsense[telemetry].",
+    )
+
+    @field_validator("telemetry")
+    @classmethod
+    def _is_installed(cls, given: bool) -> bool:  # noqa: FBT001 - pydantic's signature
+        if given and not find_spec("opentelemetry.sdk"):
+            message = "needs the extra homsense[telemetry]"
+            raise ValueError(message)
+        return given
 
     @field_validator("hash_key")
     @classmethod

@@ -25,7 +25,6 @@ from homsense import (
     Relocation,
     SiteMap,
     exact,
-    recovery,
 )
 from homsense.backend import NUMPY, Backend, compiled
 from homsense.likelihood import CodeLikelihood
@@ -281,9 +280,14 @@ def test_a_sound_motion_passes_its_check(forward: float, left: float, turn: floa
 def test_new_particles_come_from_the_likelihood(counts: tuple[int, int], seed: int) -> None:
     localizer = Localizer(TOWN, HEIGHTS, free_space=FREE, backend=NUMPY)
     code_map = localizer.code_map
-    likelihood = CodeLikelihood(code_map, CountNoise())(counts)
-    masses = recovery.cell_masses(code_map, units(likelihood))
-    drawn = recovery.draw(code_map, masses, *(random_words(seed, 1, p, 5000) for p in (2, 6)))
+    cells, likelihood = code_map.coded_cells, CodeLikelihood(code_map, CountNoise())(counts)
+    words = [random_words(seed, 1, purpose, 5000) for purpose in (2, 6)]
+    masses, *others = [b.cell_masses(cells, units(likelihood)) for b in BACKENDS]
+    drawn, *repeated = [b.draw(cells, masses, *words) for b in BACKENDS]
+    for other, again in zip(others, repeated, strict=True):
+        assert np.array_equal(other.of_code, masses.of_code)
+        assert other.evidence_bits == masses.evidence_bits
+        assert again.digest() == drawn.digest()
     assert FREE.contains(drawn.poses[:, :2]).all()
     codes = code_map.codes[cells_at(FREE.grid.raster, drawn.x_m, drawn.y_m)]
     found = np.bincount(codes, minlength=len(likelihood)) / 5000

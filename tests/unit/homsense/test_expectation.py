@@ -201,7 +201,7 @@ def test_the_likelihood_is_students_t() -> None:
         multivariate_t(m, correlation * np.outer(s, s), df=12).logpdf(measured)
         for m, s in zip(mean, spread, strict=True)
     ]
-    found = noise.bits(counts, np.concatenate([mean, spread], axis=1)) * np.log(2.0)
+    found = noise.weigher(np.concatenate([mean, spread], axis=1))(counts) * np.log(2.0)
     np.testing.assert_allclose(found - found[0], np.array(due) - due[0], atol=1e-9)
     assert found.max() <= 0.0
 
