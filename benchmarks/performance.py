@@ -38,6 +38,8 @@ def main(wanted: list[str]) -> None:
     used = ", ".join(f"{name} {version(name)}" for name in packages)
     head = f"{HEAD}\nPython {python_version()}, {used}."
     path = Path("docs", "performance.md")
+    if unknown := set(wanted) - {name for name, _, _ in SECTIONS}:
+        sys.exit(f"no such section: {', '.join(sorted(unknown))}")
     kept = dict(_sections(path.read_text())) if wanted else {}
     for name, title, table in SECTIONS:
         if not wanted or name in wanted:
