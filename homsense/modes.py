@@ -253,7 +253,9 @@ def label(found: Histogram, of_cell: IntArray) -> tuple[IntArray, int]:
     n_modes : int
         How many there are.
     """
-    peaks, number = np.unique(of_cell, return_inverse=True)
+    is_peak = np.zeros(len(of_cell), np.bool_)
+    is_peak[of_cell] = True
+    number = np.cumsum(is_peak) - 1
     by_cell = np.zeros(found.smooth.size, np.int64)
-    by_cell[found.order] = number
-    return by_cell[found.cells], len(peaks)
+    by_cell[found.order] = number[of_cell]
+    return by_cell[found.cells], int(number[-1]) + 1

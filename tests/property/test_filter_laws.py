@@ -27,6 +27,7 @@ from homsense import (
     exact,
 )
 from homsense.backend import NUMPY, Backend, compiled
+from homsense.histogram import Histogram
 from homsense.likelihood import CodeLikelihood
 from homsense.modes import label
 from homsense.motion import measured_move
@@ -268,6 +269,15 @@ def test_a_region_holds_its_share_with_the_fewest_cells(seed: int) -> None:
                     pose.histogram.smooth.ravel()),
     )  # fmt: skip
     assert of_mode.max() < n_modes == len(pose.modes)
+
+
+@given(arrays(np.int64, (5, 7), elements=st.integers(0, 9)), st.sampled_from([1, 2**40, 2**58]))
+def test_the_heaviest_cells_come_first_and_of_equals_the_first(
+    smooth: np.ndarray, unit: int
+) -> None:
+    found = Histogram(1.0, 0, 0, np.zeros(0, np.int64), smooth * unit).order
+    mass = smooth.ravel().tolist()
+    assert found.tolist() == sorted(np.flatnonzero(mass), key=lambda cell: (-mass[cell], cell))
 
 
 @given(FINITE, FINITE, FINITE)
