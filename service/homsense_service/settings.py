@@ -4,7 +4,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Literal
 
-from pydantic import Field, SecretStr, field_validator
+from pydantic import Field, SecretStr, ValidationInfo, field_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 
@@ -112,6 +112,15 @@ class Settings(BaseSettings):
         description="Export traces and metrics of requests over OTLP, to where the standard "
         "variable OTEL_EXPORTER_OTLP_ENDPOINT says; needs the extra homsense[telemetry].",
     )
+
+    @field_validator("ros2_mapping")
+    @classmethod
+    def _has_a_network(cls, given: Path | None, info: ValidationInfo) -> Path | None:
+        reached = info.data.get("zenoh_listen") or info.data.get("zenoh_connect")
+        if given is not None and not reached:
+            message = "needs zenoh_listen or zenoh_connect, over which robots are reached"
+            raise ValueError(message)
+        return given
 
     @field_validator("telemetry")
     @classmethod

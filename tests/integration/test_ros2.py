@@ -14,6 +14,7 @@ from homsense_service.app import create_app
 from homsense_service.ros2.graph import RELIABLE, Endpoint, Graph, attachment, endpoint_of
 from homsense_service.ros2.mapping import read_mapping
 from homsense_service.settings import Settings
+from pydantic import ValidationError
 from rich.console import Console
 from rosbags.typesys import Stores, get_typestore
 from support.networks import RING, endpoint, fill, router, until
@@ -116,6 +117,8 @@ def where() -> Iterator[str]:
 
 
 def served(tmp_path: Path, where: str, mapping: Path) -> TestClient:
+    with pytest.raises(ValidationError, match=r"ros2_mapping\n.*needs zenoh_listen"):
+        Settings(data=tmp_path / "data", ros2_mapping=mapping)
     settings = Settings(data=tmp_path / "data", zenoh_connect=[where], ros2_mapping=mapping)
     return TestClient(create_app(settings), base_url="http://test")
 

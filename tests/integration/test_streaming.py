@@ -17,6 +17,7 @@ from fastapi.testclient import TestClient
 from homsense_client import InvalidRequestError, NotFoundError, Pose, ResponseError
 from homsense_client.streaming import AsyncRobot, Network, Robot, connect
 from homsense_service.app import create_app
+from homsense_service.bridge.device import Device
 from homsense_service.settings import Settings
 from support.networks import COUNTING, RING, endpoint, fill, until
 
@@ -245,6 +246,15 @@ def test_a_bad_request_is_answered_like_over_rest(
     assert answer["code"] == code
     if code == "invalid_request":
         assert answer["errors"][0]["field"] != ""
+
+
+def test_a_failure_of_the_service_is_answered_too(
+    house: House, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    token = token_of(house, "r1")
+    monkeypatch.setattr(Device, "check", lambda *_: 1 / 0)
+    answer = ask(house, "homsense/@v1/dev/r1/rpc/last", b"{}", struct.pack("<Q8s", 1, token))
+    assert answer["code"] == "internal"
 
 
 def test_only_the_token_opens_the_stream(house: House) -> None:

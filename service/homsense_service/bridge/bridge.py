@@ -176,7 +176,7 @@ class Bridge:
         request = Request(query)
         try:
             self._ask(request)
-        except ServiceError as error:
+        except Exception as error:  # noqa: BLE001 - whoever asks is answered
             self._house.metrics.refused.labels(kind_of(error).code).inc()
             self._workers.submit(partial(request.refuse, error))
 
