@@ -54,7 +54,7 @@ class PlaceLikelihood:
             cKDTree(middles), KERNEL_CUT * width, output_type="ndarray"
         )
         near.sort(order=("i", "j"))
-        scan, self._block = near["i"], near["j"].astype(np.int32)
+        scan, self._block = near["i"], near["j"].astype(np.intp)
         self._start = np.searchsorted(scan, np.arange(complex_.size + 1))
         apart = np.sqrt(np.square(middles[self._block] - complex_.xy[scan]).sum(axis=1))
         kernel = exp(-0.5 * np.square(apart / width))
@@ -90,8 +90,11 @@ class PlaceLikelihood:
             raise InvalidInputError(message, "sighting")
         size = self._start[scan + 1] - self._start[scan]
         _, entry = spread(self._start[scan], size)
-        gain = self._weight[entry] * self._gain[self._gain_of[entry] + np.repeat(level, size)]
-        nats = self._silent + np.bincount(self._block[entry], gain, len(self._silent))
+        gain_of = self._gain_of.take(entry)
+        gain_of += np.repeat(level, size)
+        gain = self._gain.take(gain_of)
+        gain *= self._weight.take(entry)
+        nats = self._silent + np.bincount(self._block.take(entry), gain, len(self._silent))
         bits = (INDEPENDENT / LN_2) * (nats - nats.max())
         return np.concatenate([[_NOTHING_BITS], bits])
 
