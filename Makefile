@@ -49,6 +49,7 @@ proof: $(READY) ## slow proof: exactness, calibration, recovery, demos, 240 kill
 	$(BIN)/python benchmarks/soak.py
 	$(BIN)/python benchmarks/accuracy.py $(DATA)
 	$(if $(DATA),$(BIN)/python benchmarks/registered.py $(DATA))
+	$(if $(DATA),$(BIN)/python benchmarks/floors.py $(DATA))
 
 .venv-peers/.ready: $(READY) requirements-peers.lock
 	$(PYTHON) -m venv .venv-peers

@@ -46,8 +46,14 @@ from homsense.quarantine import Displaced, displaced
 from homsense.radio import RadioModel, estimate_radio
 from homsense.range_check import RangePoint, choose_cut, range_curve
 from homsense.recovery import AugmentedMcl, Doubt, Recovery, Relocation
-from homsense.registered.complex import RegisteredComplex, Sighting, register_crowd
+from homsense.registered.complex import (
+    LaidOutCrowd,
+    RegisteredComplex,
+    Sighting,
+    register_crowd,
+)
 from homsense.registered.crowd import WalkScan
+from homsense.registered.floors import FloorFit, rank_floors
 from homsense.registered.place import HolesAtPlace, PlaceLikelihood
 from homsense.registered.similarity import Hearing
 from homsense.relation import VisibilityRelation
@@ -77,6 +83,7 @@ __all__ = [
     "Expectation",
     "FieldNoise",
     "Finding",
+    "FloorFit",
     "FreeSpace",
     "GaussianPrior",
     "Grid",
@@ -96,6 +103,7 @@ __all__ = [
     "JointLikelihood",
     "JointMeasurement",
     "KldSampling",
+    "LaidOutCrowd",
     "LandmarkComplex",
     "Likelihood",
     "LocalHomology",
@@ -140,6 +148,7 @@ __all__ = [
     "observation_complex",
     "preintegrate",
     "range_curve",
+    "rank_floors",
     "register_crowd",
     "sense_local_homology",
     "sense_within",

@@ -9,7 +9,17 @@ from zlib import crc32
 import numpy as np
 from scipy.spatial import cKDTree
 
-from homsense import Delta, FreeSpace, HeadingPrior, Hearing, Prior, Reading, SiteMap, UniformPrior
+from homsense import (
+    Delta,
+    FreeSpace,
+    HeadingPrior,
+    Hearing,
+    Prior,
+    Reading,
+    SiteMap,
+    UniformPrior,
+    WalkScan,
+)
 from homsense import visible_landmarks as visible
 from homsense_cli.accuracy.legs import Leg, sightings
 from homsense_cli.accuracy.scene import RegisteredCrowd, Scene, heard, tuned, walk_scan
@@ -130,6 +140,44 @@ def floor_walks(recorded: Recorded, name: str, hops: tuple[int, ...] | None) -> 
         prior = _compass(floor, chain) if recorded.compass else UniformPrior()
         walks.append(Walk(scene, legs, prior))
     return walks
+
+
+def floor_crowd(recorded: Recorded, name: str) -> list[WalkScan]:
+    """Return the whole crowd of a floor.
+
+    Parameters
+    ----------
+    recorded : Recorded
+        The recordings.
+    name : str
+        The floor.
+
+    Returns
+    -------
+    list of WalkScan
+        In the frames of their walks.
+    """
+    floor = read_floor(recorded.directory, name, recorded.min_chain_m)
+    return list(map(walk_scan, crowd_scans(floor, [])))
+
+
+def floor_ground(recorded: Recorded, name: str) -> FreeSpace:
+    """Return where one can walk on a floor.
+
+    Parameters
+    ----------
+    recorded : Recorded
+        The recordings.
+    name : str
+        The floor.
+
+    Returns
+    -------
+    FreeSpace
+        Of its map.
+    """
+    floor = read_floor(recorded.directory, name, recorded.min_chain_m)
+    return FreeSpace.of(SiteMap.from_geojson(floor.map_document), CELL_M)
 
 
 def _been(floor: Floor, chain: list[str], devices: set[str]) -> "cKDTree[None]":

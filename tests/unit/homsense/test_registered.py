@@ -28,6 +28,7 @@ from homsense import (
     Sighting,
     WalkScan,
     mean_advantage_bits,
+    rank_floors,
     register_crowd,
 )
 from homsense.backend import NUMPY, compiled
@@ -67,15 +68,31 @@ def test_a_crowd_finds_its_place_whatever_its_compass_calls_east(turned_rad: flo
     assert found.registration.margin_m > 0.5
 
 
+def mirrored(free_space: FreeSpace) -> FreeSpace:
+    free = free_space.free[:-1].reshape(free_space.grid.shape)
+    return FreeSpace(free_space.grid, np.append(free[:, ::-1], False))
+
+
+def test_a_crowd_knows_its_floor() -> None:
+    building, found = registered()
+    own = building.free_space
+    hall = FreeSpace(own.grid, np.append(np.ones(len(own.free) - 1, np.bool_), False))
+    floors = {"hall": hall, "own": own, "mirrored": mirrored(own)}
+    ranked = rank_floors(building.crowd(10, 40), floors)
+    assert {fit.name for fit in ranked} == set(floors)
+    assert ranked[0].name == "own"
+    assert ranked[0].probability > 0.9
+    assert ranked[0].complex.registration == found.registration
+    assert sum(fit.probability for fit in ranked) == pytest.approx(1.0)
+    costs = [fit.complex.registration.cost_m for fit in ranked]
+    assert costs == sorted(costs)
+    with pytest.raises(InvalidInputError, match="at least one map"):
+        rank_floors(building.crowd(10, 40), {})
+
+
 def test_a_foreign_map_costs_more_and_a_crowd_without_likeness_is_refused() -> None:
     building, found = registered()
-    mirrored = FreeSpace(
-        building.free_space.grid,
-        np.append(
-            building.free_space.free[:-1].reshape(building.free_space.grid.shape)[:, ::-1], False
-        ),
-    )
-    foreign = register_crowd(building.crowd(10, 40), mirrored)
+    foreign = register_crowd(building.crowd(10, 40), mirrored(building.free_space))
     cost = found.registration.cost_m
     assert foreign.registration.cost_m > 1.5 * cost
     assert foreign.registration.is_doubtful

@@ -1,0 +1,76 @@
+"""Which floor a crowd walks on: the same layout placed on the map of each."""
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple
+
+from homsense.errors import InvalidInputError
+from homsense.free_space import FreeSpace
+from homsense.registered.complex import LaidOutCrowd, RegisteredComplex
+from homsense.registered.crowd import WalkScan
+from homsense.registered.registration import M_PER_NAT
+from homsense.registered.similarity import Hearing
+
+
+class FloorFit(NamedTuple):
+    """How well a crowd fits one of several floors.
+
+    Parameters
+    ----------
+    name : str
+        The floor.
+    probability : float
+        That it is this one of them; a nat for each `M_PER_NAT` of cost.
+    complex : RegisteredComplex
+        The crowd on its map.
+    """
+
+    name: str
+    probability: float
+    complex: RegisteredComplex
+
+
+def rank_floors(
+    scans: Iterable[WalkScan],
+    floors: Mapping[str, FreeSpace],
+    *,
+    hearing: Hearing | None = None,
+    rotation_sd_rad: float | None = None,
+) -> list[FloorFit]:
+    """Place a crowd on each of several maps.
+
+    Parameters
+    ----------
+    scans : iterable of WalkScan
+        The crowd, all of one floor.
+    floors : mapping of str to FreeSpace
+        The candidates.
+    hearing : Hearing, optional
+        What of a scan counts.
+    rotation_sd_rad : float, optional
+        How far the headings of the crowd are from those of the maps, radians; unknown when absent.
+
+    Returns
+    -------
+    list of FloorFit
+        The likeliest first. Each has its own margin and mirror margin, so a crowd that belongs to
+        none of the floors can be told from one that does.
+
+    Raises
+    ------
+    InvalidInputError
+        If there is no candidate, or the crowd is too small to be laid out.
+    """
+    if not floors:
+        message = "there must be at least one map"
+        raise InvalidInputError(message, "floors")
+    crowd = LaidOutCrowd.of(scans, hearing)
+    placed = {name: crowd.on(ground, rotation_sd_rad) for name, ground in floors.items()}
+    costs = {name: found.registration.cost_m for name, found in placed.items()}
+    best = min(costs.values())
+    weights = {name: math.exp((best - cost) / M_PER_NAT) for name, cost in costs.items()}
+    total = sum(weights.values())
+    return [
+        FloorFit(name, weights[name] / total, placed[name])
+        for name in sorted(costs, key=costs.__getitem__)
+    ]
