@@ -132,6 +132,14 @@ class AsyncClient:
         """Begin to place the crowd of a site on its map."""
         return await self.send(protocol.post_registration(site))
 
+    async def floors(self, site: str) -> learnt.Floors:
+        """Return which of several floors the crowd of a site walks on."""
+        return await self.send(protocol.get_floors(site))
+
+    async def rank_floors(self, site: str, candidates: Iterable[str]) -> learnt.Floors:
+        """Begin to place the crowd of a site on the maps of several sites."""
+        return await self.send(protocol.post_floors(site, candidates))
+
     async def diagnosis(self, site: str) -> learnt.Diagnosis:
         """Judge a site: whether counting holes helps, and what could be set."""
         return await self.send(protocol.get_diagnosis(site))

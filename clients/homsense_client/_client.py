@@ -132,6 +132,14 @@ class Client:
         """Begin to place the crowd of a site on its map."""
         return self.send(protocol.post_registration(site))
 
+    def floors(self, site: str) -> learnt.Floors:
+        """Return which of several floors the crowd of a site walks on."""
+        return self.send(protocol.get_floors(site))
+
+    def rank_floors(self, site: str, candidates: Iterable[str]) -> learnt.Floors:
+        """Begin to place the crowd of a site on the maps of several sites."""
+        return self.send(protocol.post_floors(site, candidates))
+
     def diagnosis(self, site: str) -> learnt.Diagnosis:
         """Judge a site: whether counting holes helps, and what could be set."""
         return self.send(protocol.get_diagnosis(site))

@@ -95,6 +95,35 @@ class Registration:
 
 
 @dataclass(frozen=True, slots=True)
+class Floor:
+    """How well a crowd fits one of several floors."""
+
+    site: str
+    map_version: str
+    probability: float
+    cost_m: float
+    margin_m: float
+    mirror_margin_m: float
+    doubtful: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Floors:
+    """How far a ranking of floors is, and what the last one has told, the likeliest first."""
+
+    state: str
+    done: int
+    of: int
+    reason: str | None
+    floors: tuple[Floor, ...]
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Self:
+        """Return the value of an answer."""
+        return cls(**{**data, "floors": tuple(Floor(**floor) for floor in data["floors"])})
+
+
+@dataclass(frozen=True, slots=True)
 class Finding:
     """One thing that was looked at."""
 

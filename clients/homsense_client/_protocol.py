@@ -164,6 +164,17 @@ def post_registration(site: str) -> Call[learnt.Registration]:
     return Call("POST", _site(site, "registration"), learnt.Registration.from_json)
 
 
+def get_floors(site: str) -> Call[learnt.Floors]:
+    """Read which floor a crowd walks on."""
+    return Call("GET", _site(site, "floors"), learnt.Floors.from_json)
+
+
+def post_floors(site: str, candidates: Iterable[str]) -> Call[learnt.Floors]:
+    """Begin to place a crowd on the maps of several sites."""
+    body = {"sites": list(candidates)}
+    return Call("POST", _site(site, "floors"), learnt.Floors.from_json, body)
+
+
 def get_diagnosis(site: str) -> Call[learnt.Diagnosis]:
     """Judge a site."""
     return Call("GET", _site(site, "diagnosis"), learnt.Diagnosis.from_json)

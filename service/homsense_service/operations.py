@@ -15,6 +15,7 @@ from homsense_service.choosing import chosen
 from homsense_service.diagnosing import diagnosed
 from homsense_service.errors import IdempotencyError
 from homsense_service.expecting import Expecting
+from homsense_service.floors import FloorsQuestion
 from homsense_service.localizing import localizing, restored, run_document
 from homsense_service.portable import exported
 from homsense_service.pseudonyms import Pseudonyms
@@ -365,6 +366,12 @@ class Operations:
         site = self.sites.get(name)
         site.registering.refresh(self.sites.crowd(site))
         return site.registering
+
+    def rank_floors(self, name: str, candidates: Sequence[str]) -> None:
+        """Begin to place the crowd of a site on the maps of several, if that is not known."""
+        site = self.sites.get(name)
+        maps = {other: self.sites.get(other).require_map() for other in candidates}
+        site.ranking_floors.refresh(FloorsQuestion(self.sites.crowd(site), maps))
 
     def _step(self, wire: schemas.StepIn, landmark_key: str) -> Step:
         heard = self._names.readings(schemas.readings(wire.landmarks or []), landmark_key)

@@ -22,6 +22,31 @@ def render_registration(site: Site) -> schemas.RegistrationOut:
     )
 
 
+def render_floors(site: Site) -> schemas.FloorsOut:
+    """Return how far a ranking of floors is."""
+    progress, known = site.ranking_floors.progress, site.ranking_floors.current
+    return schemas.FloorsOut(
+        state=progress.state,
+        done=progress.done,
+        of=site.ranking_floors.words.steps,
+        reason=progress.reason,
+        floors=[]
+        if known is None
+        else [
+            schemas.FloorOut(
+                site=fit.name,
+                map_version=known.question.maps[fit.name].digest,
+                probability=fit.probability,
+                cost_m=fit.complex.registration.cost_m,
+                margin_m=fit.complex.registration.margin_m,
+                mirror_margin_m=fit.complex.registration.mirror_margin_m,
+                doubtful=fit.complex.registration.is_doubtful,
+            )
+            for fit in known.fits
+        ],
+    )
+
+
 def _placed(known: Registered) -> schemas.PlacedOut:
     found = known.complex
     return schemas.PlacedOut(

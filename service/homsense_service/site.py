@@ -14,6 +14,7 @@ from homsense_service.background import Builder
 from homsense_service.checkpoints import Digested
 from homsense_service.errors import MapMissingError
 from homsense_service.expecting import Expecting, Learnt, Question
+from homsense_service.floors import RankingFloors
 from homsense_service.pseudonyms import canonical
 from homsense_service.records import NumberedScan, SiteConfig, StoredReading, StoredScan
 from homsense_service.registering import Registered, Registering
@@ -55,6 +56,7 @@ class Site:
         own_builder = builder or Builder(engine)
         self.expecting = Expecting(own_builder)
         self.registering = Registering(own_builder)
+        self.ranking_floors = RankingFloors(own_builder)
         self.tracked = 0
         self.through = 0
         self._inbox: deque[NumberedScan] = deque()

@@ -1,18 +1,21 @@
 """Over REST: a crowd finds its place on the map, and a session finds itself among it."""
 
+import json
 import math
 import time
 from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any
 
+import httpx
 import numpy as np
 import pytest
 from fastapi.testclient import TestClient
-from homsense_client import Registration
+from homsense_client import Client, Floors, Registration
 from homsense_service.app import create_app
 from homsense_service.settings import Settings
-from shapely.geometry import mapping
+from shapely.affinity import scale
+from shapely.geometry import mapping, shape
 from support.corridors import Building
 
 from homsense import Reading, WalkScan
@@ -45,9 +48,9 @@ def posted(scan: WalkScan) -> dict[str, Any]:
     }
 
 
-def ready(api: TestClient) -> dict[str, Any]:
+def ready(api: TestClient, what: str = "registration") -> dict[str, Any]:
     for _ in range(600):
-        told: dict[str, Any] = api.get(f"{SITE}/registration").json()
+        told: dict[str, Any] = api.get(f"{SITE}/{what}").json()
         if told["state"] in {"ready", "failed"}:
             return told
         time.sleep(0.1)
@@ -67,6 +70,48 @@ def floor(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
         assert api.get(f"{SITE}/registration").json()["state"] == "none"
         assert api.post(f"{SITE}/registration").status_code == 202
         yield api
+
+
+def test_the_crowd_knows_its_floor(floor: TestClient) -> None:
+    ready(floor)
+    assert floor.get(f"{SITE}/floors").json()["state"] == "none"
+    other = "/v1/sites/upstairs"
+    floor.put(other, json={})
+    refused = floor.post(f"{SITE}/floors", json={"sites": ["floor", "upstairs"]})
+    assert (refused.status_code, refused.json()["code"]) == (409, "map_missing")
+    floor.put(f"{other}/map", json=turned_over(map_document()))
+    unknown = floor.post(f"{SITE}/floors", json={"sites": ["floor", "cellar"]})
+    assert (unknown.status_code, unknown.json()["code"]) == (404, "site_not_found")
+    nobody = floor.post(f"{SITE}/floors", json={"sites": []})
+    assert nobody.json()["errors"][0]["field"] == "sites"
+    assert floor.post(f"{SITE}/floors", json={"sites": ["upstairs", "floor"]}).status_code == 202
+    told = ready(floor, "floors")
+    assert [fit["site"] for fit in told["floors"]] == ["floor", "upstairs"]
+    own, foreign = told["floors"]
+    assert own["probability"] > 0.9
+    assert own["probability"] + foreign["probability"] == pytest.approx(1.0)
+    assert (own["doubtful"], foreign["doubtful"]) == (False, True)
+    placed = floor.get(f"{SITE}/registration").json()["placed"]
+    assert own["cost_m"] == placed["cost_m"] < foreign["cost_m"]
+    assert own["map_version"] == placed["map_version"]
+
+    def forward(request: httpx.Request) -> httpx.Response:
+        body = {"json": json.loads(request.content)} if request.content else {}
+        answer = floor.request(request.method, request.url.path, **body)
+        return httpx.Response(answer.status_code, content=answer.content)
+
+    with Client("http://test", transport=httpx.MockTransport(forward)) as client:
+        again = client.rank_floors("floor", ["upstairs", "floor"])
+        assert again == client.floors("floor") == Floors.from_json(told)
+
+
+def turned_over(document: dict[str, Any]) -> dict[str, Any]:
+    """Return the mirror image of a map."""
+    for feature in document["features"]:
+        feature["geometry"] = mapping(
+            scale(shape(feature["geometry"]), xfact=-1.0, origin=(60.0, 0.0))
+        )
+    return document
 
 
 def test_the_crowd_finds_its_place(floor: TestClient) -> None:

@@ -6,7 +6,8 @@ from fastapi import APIRouter, Query
 
 from homsense_service import rendering_registrations as rendering
 from homsense_service import schemas
-from homsense_service.routes.access import OperationsDep, SiteParam, needs, problems
+from homsense_service.errors import SiteNotFoundError
+from homsense_service.routes.access import CallerDep, OperationsDep, SiteParam, needs, problems
 
 router = APIRouter(prefix="/v1/sites/{site}", tags=["sites"])
 
@@ -42,3 +43,35 @@ def post_registration(site: SiteParam, operations: OperationsDep) -> schemas.Reg
     """Begin to place the crowd in the background, unless map and scans are as they were."""
     operations.register(site)
     return rendering.render_registration(operations.sites.get(site))
+
+
+@router.get(
+    "/floors",
+    dependencies=[needs("read")],
+    summary="Which floor the crowd walks on",
+    responses=problems(404, 422),
+)
+def get_floors(site: SiteParam, operations: OperationsDep) -> schemas.FloorsOut:
+    """Return how far the ranking of floors is, and what the last one has told."""
+    return rendering.render_floors(operations.sites.get(site))
+
+
+@router.post(
+    "/floors",
+    status_code=202,
+    dependencies=[needs("localize")],
+    summary="Place the crowd on several maps",
+    responses=problems(404, 409, 422),
+)
+def post_floors(
+    site: SiteParam, wanted: schemas.FloorsIn, caller: CallerDep, operations: OperationsDep
+) -> schemas.FloorsOut:
+    """Begin to place the crowd on the maps of several sites, unless all is as it was.
+
+    While one ranking goes on, that one is answered.
+    """
+    for name in wanted.sites:
+        if not caller.sees(name):
+            raise SiteNotFoundError(name)
+    operations.rank_floors(site, wanted.sites)
+    return rendering.render_floors(operations.sites.get(site))

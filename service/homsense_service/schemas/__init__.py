@@ -25,7 +25,14 @@ from homsense_service.schemas.poses import (
     SessionList,
     SessionOut,
 )
-from homsense_service.schemas.registrations import PlacedOut, PlacementOut, RegistrationOut
+from homsense_service.schemas.registrations import (
+    FloorOut,
+    FloorsIn,
+    FloorsOut,
+    PlacedOut,
+    PlacementOut,
+    RegistrationOut,
+)
 from homsense_service.schemas.scans import (
     ComplexOut,
     DeletedOut,
@@ -89,6 +96,9 @@ __all__ = [
     "ExpectationOut",
     "FieldError",
     "FindingOut",
+    "FloorOut",
+    "FloorsIn",
+    "FloorsOut",
     "GaussianIn",
     "HeadingIn",
     "HeadingOut",

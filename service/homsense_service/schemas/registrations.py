@@ -1,10 +1,10 @@
 """How the crowd of a site lies on its map, on the wire."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
-from homsense_service.schemas.wire import Wire
+from homsense_service.schemas.wire import NAME, Wire
 
 
 class PlacementOut(Wire):
@@ -38,6 +38,40 @@ class PlacedOut(Wire):
     )
     coverage: float = Field(description="Share of the map where the crowd has been.")
     placements: list[PlacementOut]
+
+
+class FloorsIn(Wire):
+    """Whose maps a crowd may lie on."""
+
+    sites: list[Annotated[str, Field(pattern=NAME)]] = Field(
+        min_length=1, max_length=32, description="Names of sites with maps, its own among them."
+    )
+
+
+class FloorOut(Wire):
+    """How well a crowd fits one of several floors."""
+
+    site: str
+    map_version: str
+    probability: float = Field(description="That it is this one of them.")
+    cost_m: float
+    margin_m: float = Field(description="How much worse the next placement is, metres.")
+    mirror_margin_m: float = Field(
+        description="How much worse the mirror image of the crowd fits, metres: a control."
+    )
+    doubtful: bool = Field(
+        description="Whether another placement is nearly as good, or the mirror image is."
+    )
+
+
+class FloorsOut(Wire):
+    """How far a ranking of floors is, and what the last one has told."""
+
+    state: Literal["none", "building", "ready", "failed"]
+    done: int = Field(description="Stages that have been reached.")
+    of: int
+    reason: str | None = Field(description="Why it failed.")
+    floors: list[FloorOut] = Field(description="The likeliest first.")
 
 
 class RegistrationOut(Wire):

@@ -1,0 +1,105 @@
+"""Which floor the crowd of a site walks on: placed on several maps in the background."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import homsense
+from homsense_service.background import Background, Builder, Words
+from homsense_service.errors import RegistrationFailedError, RegistrationPendingError
+from homsense_service.registering import HEARINGS, CrowdQuestion
+from homsense_service.versions import MapVersion
+
+_WORDS = Words(
+    "the crowd is being placed on the maps",
+    "the crowd cannot be placed on the maps",
+    len(HEARINGS),
+    RegistrationPendingError,
+    RegistrationFailedError,
+)
+
+
+@dataclass(frozen=True)
+class FloorsQuestion:
+    """What a ranking of floors depends on.
+
+    Parameters
+    ----------
+    crowd : CrowdQuestion
+        The crowd, and the map of its own site.
+    maps : dict of str to MapVersion
+        The candidates, by site.
+    """
+
+    crowd: CrowdQuestion
+    maps: dict[str, MapVersion]
+
+    @property
+    def map_version(self) -> MapVersion:
+        """The map of its own site."""
+        return self.crowd.map_version
+
+    @property
+    def scans(self) -> int:
+        """How many scans of the crowd have tracks."""
+        return self.crowd.scans
+
+
+@dataclass(frozen=True)
+class RankedFloors:
+    """How well a crowd fits each of several floors.
+
+    Parameters
+    ----------
+    question : FloorsQuestion
+        What was asked.
+    fits : tuple of homsense.FloorFit
+        The likeliest first.
+    """
+
+    question: FloorsQuestion
+    fits: tuple[homsense.FloorFit, ...]
+
+    @property
+    def map_digest(self) -> str:
+        """The map of its own site."""
+        return self.question.map_version.digest
+
+    @property
+    def scans(self) -> int:
+        """How many scans there were."""
+        return self.question.scans
+
+
+class RankingFloors(Background[FloorsQuestion, RankedFloors]):
+    """The ranking for the crowd of one site.
+
+    Parameters
+    ----------
+    builder : Builder
+        Does the work.
+    """
+
+    def __init__(self, builder: Builder) -> None:
+        super().__init__(builder, _rank, _WORDS)
+
+    def _holds(self, question: FloorsQuestion) -> bool:
+        return (
+            self.current is not None
+            and self.current.question.maps == question.maps
+            and super()._holds(question)
+        )
+
+
+def _rank(question: FloorsQuestion, on_step: Callable[[int], None]) -> RankedFloors:
+    crowd, scans = question.crowd, list(question.crowd.walks())
+    grounds = {name: version.free_space for name, version in question.maps.items()}
+    tried = []
+    for done, hearing in enumerate(HEARINGS, 1):
+        tried.append(
+            homsense.rank_floors(
+                scans, grounds, hearing=hearing, rotation_sd_rad=crowd.rotation_sd_rad
+            )
+        )
+        on_step(done)
+    best = min(tried, key=lambda fits: fits[0].complex.registration.cost_m)
+    return RankedFloors(question, tuple(best))
