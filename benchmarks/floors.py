@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from accuracy import OUT
-from homsense_cli.accuracy.walks import Recorded, floor_crowd, floor_ground
+from homsense_cli.accuracy.walks import Recorded, floor_crowd
 
 from homsense import FloorFit, rank_floors
 
@@ -40,10 +40,11 @@ def table(ranked: Mapping[str, Sequence[FloorFit]]) -> Iterator[str]:
 def main() -> int:
     """Measure, write, and say what is wrong; return the exit code."""
     recorded = Recorded(Path(sys.argv[1]) / "ilc20")
-    grounds = {floor: floor_ground(recorded, floor) for floor in FLOORS}
+    floors = {name: floor_crowd(recorded, name) for name in FLOORS}
+    grounds = {name: ground for name, (_, ground) in floors.items()}
     ranked = {
-        name: rank_floors(floor_crowd(recorded, name), grounds, hearing=recorded.hearing)
-        for name in FLOORS
+        name: rank_floors(crowd, grounds, hearing=recorded.hearing)
+        for name, (crowd, _) in floors.items()
     }
     lines = list(table(ranked))
     (OUT / "floors.md").write_text("\n".join(lines) + "\n")

@@ -142,8 +142,8 @@ def floor_walks(recorded: Recorded, name: str, hops: tuple[int, ...] | None) -> 
     return walks
 
 
-def floor_crowd(recorded: Recorded, name: str) -> list[WalkScan]:
-    """Return the whole crowd of a floor.
+def floor_crowd(recorded: Recorded, name: str) -> tuple[list[WalkScan], FreeSpace]:
+    """Return the whole crowd of a floor, and where one can walk there.
 
     Parameters
     ----------
@@ -154,30 +154,14 @@ def floor_crowd(recorded: Recorded, name: str) -> list[WalkScan]:
 
     Returns
     -------
-    list of WalkScan
+    crowd : list of WalkScan
         In the frames of their walks.
-    """
-    floor = read_floor(recorded.directory, name, recorded.min_chain_m)
-    return list(map(walk_scan, crowd_scans(floor, [])))
-
-
-def floor_ground(recorded: Recorded, name: str) -> FreeSpace:
-    """Return where one can walk on a floor.
-
-    Parameters
-    ----------
-    recorded : Recorded
-        The recordings.
-    name : str
-        The floor.
-
-    Returns
-    -------
-    FreeSpace
+    free_space : FreeSpace
         Of its map.
     """
     floor = read_floor(recorded.directory, name, recorded.min_chain_m)
-    return FreeSpace.of(SiteMap.from_geojson(floor.map_document), CELL_M)
+    free_space = FreeSpace.of(SiteMap.from_geojson(floor.map_document), CELL_M)
+    return list(map(walk_scan, crowd_scans(floor, []))), free_space
 
 
 def _been(floor: Floor, chain: list[str], devices: set[str]) -> "cKDTree[None]":
