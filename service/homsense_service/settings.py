@@ -1,11 +1,16 @@
 """Settings; the only reader of the environment."""
 
+import os
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Literal
 
 from pydantic import Field, SecretStr, ValidationInfo, field_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
+
+_ENDPOINTS = tuple(
+    f"OTEL_EXPORTER_OTLP_{signal}ENDPOINT" for signal in ("", "TRACES_", "METRICS_")
+)
 
 
 class Settings(BaseSettings):
@@ -127,6 +132,9 @@ class Settings(BaseSettings):
     def _is_installed(cls, given: bool) -> bool:  # noqa: FBT001 - pydantic's signature
         if given and not find_spec("opentelemetry.sdk"):
             message = "needs the extra homsense[telemetry]"
+            raise ValueError(message)
+        if given and not any(os.environ.get(name) for name in _ENDPOINTS):
+            message = f"needs {_ENDPOINTS[0]}"
             raise ValueError(message)
         return given
 

@@ -95,7 +95,10 @@ def test_nothing_is_exported_unless_an_operator_asks(tmp_path: Path, collector: 
     assert not collector.posted
 
 
-def test_a_missing_extra_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_missing_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("OTEL_EXPORTER_OTLP_ENDPOINT", raising=False)
+    with pytest.raises(ValidationError, match=r"telemetry\n.*needs OTEL_EXPORTER_OTLP_ENDPOINT"):
+        Settings(telemetry=True)
     monkeypatch.setattr(settings, "find_spec", lambda _: None)
     with pytest.raises(ValidationError, match=r"telemetry\n.*needs the extra homsense\[telemetry"):
         Settings(telemetry=True)
