@@ -138,11 +138,12 @@ def test_odometry_and_scans_go_in_and_poses_come_out(
             time.sleep(0.5)
             robot.drive(60)
             until(lambda: robot.received[ARRAY])
+            path = f"/v1/sessions/{sessions[0]}/pose"
+            pose = until(lambda: (found := api.get(path).json())["seq"] >= 65 and found)
+            time.sleep(0.5)
             samples = until(lambda: len(robot.received[POSE]) >= 3 and robot.received[POSE])
         finally:
             robot.session.close()  # type: ignore[no-untyped-call]
-        path = f"/v1/sessions/{sessions[0]}/pose"
-        pose = until(lambda: (found := api.get(path).json())["seq"] >= 65 and found)
         measured = 'homsense_stage_seconds_count{stage="measure"} 6.0'
         assert measured in api.get("/metrics").text
     last: Any = STORE.deserialize_cdr(samples[-1].payload.to_bytes(), POSE)
