@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from homsense.exact import HALF
 from homsense.grid import Grid
 from homsense.particles import Particles
 from homsense.weights import UNITS_PER_BIT, bits, linear
@@ -18,7 +19,6 @@ Integers = NDArray[np.int32]
 Words = NDArray[np.uint32]
 
 WORD = 2.0**-32
-HALF = np.float32(0.5)
 
 
 class CodedCells(NamedTuple):

@@ -6,12 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homsense import resetting
+from homsense.compiled.exact import HALF
 from homsense.compiled.jit import allocating, inlined
 from homsense.compiled.stages import linear
 
 Array = NDArray[Any]
 
-_WORD, _HALF = resetting.WORD, resetting.HALF
+_WORD = resetting.WORD
 _NOTHING = np.int32(0)
 
 
@@ -86,7 +87,7 @@ def draw(
         row, column = cell // columns, cell % columns
         x[index] = west_m + cell_m * (column + np.float64(place[0, index]) * _WORD)
         y[index] = south_m + cell_m * (row + np.float64(place[1, index]) * _WORD)
-        turns[index] = np.float32(np.float64(which[2, index]) * _WORD) - _HALF
+        turns[index] = np.float32(np.float64(which[2, index]) * _WORD) - HALF
     return x, y, turns, log_weight
 
 

@@ -284,7 +284,7 @@ class LaidOutCrowd:
         RegisteredComplex
             Of the scans that hang together.
         """
-        part = largest_part(self.crowd, self.like)
+        part = self._part
         shape = self.layout.xy[part]
         tried = register(shape, free_space, rotation_sd_rad)
         (mirrored,) = register(shape * _MIRROR, free_space, thorough=False)
@@ -312,6 +312,10 @@ class LaidOutCrowd:
             ),
             self.crowd.source[part],
         )
+
+    @cached_property
+    def _part(self) -> BoolArray:
+        return largest_part(self.crowd, self.like)
 
     def _settled(self, placement: Placement, ground: Ground) -> FloatArray:
         turned = self.layout.heading + placement.rotation_rad

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from homsense.registered.registration import Registration
 from homsense_service import schemas
 from homsense_service.registering import Registered
 from homsense_service.site import Site
@@ -37,14 +38,20 @@ def render_floors(site: Site) -> schemas.FloorsOut:
                 site=fit.name,
                 map_version=known.question.maps[fit.name].digest,
                 probability=fit.probability,
-                cost_m=fit.complex.registration.cost_m,
-                margin_m=fit.complex.registration.margin_m,
-                mirror_margin_m=fit.complex.registration.mirror_margin_m,
-                doubtful=fit.complex.registration.is_doubtful,
+                **_fit(fit.complex.registration),
             )
             for fit in known.fits
         ],
     )
+
+
+def _fit(found: Registration) -> dict[str, Any]:
+    return {
+        "cost_m": found.cost_m,
+        "margin_m": found.margin_m,
+        "mirror_margin_m": found.mirror_margin_m,
+        "doubtful": found.is_doubtful,
+    }
 
 
 def _placed(known: Registered) -> schemas.PlacedOut:
@@ -56,10 +63,7 @@ def _placed(known: Registered) -> schemas.PlacedOut:
         walks=len(np.unique(found.walk)),
         reach_m=found.reach_m,
         weakest_dbm=found.hearing.weakest_dbm,
-        cost_m=found.registration.cost_m,
-        margin_m=found.registration.margin_m,
-        mirror_margin_m=found.registration.mirror_margin_m,
-        doubtful=found.registration.is_doubtful,
+        **_fit(found.registration),
         coverage=known.coverage,
         placements=[
             schemas.PlacementOut(

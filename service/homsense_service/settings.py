@@ -129,7 +129,7 @@ class Settings(BaseSettings):
 
     @field_validator("telemetry")
     @classmethod
-    def _is_installed(cls, given: bool) -> bool:  # noqa: FBT001 - pydantic's signature
+    def _can_be_sent(cls, given: bool) -> bool:  # noqa: FBT001 - pydantic's signature
         if given and not find_spec("opentelemetry.sdk"):
             message = "needs the extra homsense[telemetry]"
             raise ValueError(message)

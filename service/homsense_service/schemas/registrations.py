@@ -18,15 +18,9 @@ class PlacementOut(Wire):
     )
 
 
-class PlacedOut(Wire):
-    """The crowd on the map."""
+class FitOut(Wire):
+    """How well a crowd fits a map."""
 
-    map_version: str
-    tracked: int = Field(description="Scans with tracks that there were.")
-    scans: int = Field(description="Those that hang together and have a place.")
-    walks: int
-    reach_m: float = Field(description="Distance over which scans hear alike, metres.")
-    weakest_dbm: float = Field(description="Weakest strength that counted.")
     cost_m: float
     margin_m: float = Field(description="How much worse the next placement is, metres.")
     mirror_margin_m: float = Field(
@@ -36,6 +30,17 @@ class PlacedOut(Wire):
         description="Whether another placement is nearly as good, or the mirror image is, as on a "
         "wrong map."
     )
+
+
+class PlacedOut(FitOut):
+    """The crowd on the map."""
+
+    map_version: str
+    tracked: int = Field(description="Scans with tracks that there were.")
+    scans: int = Field(description="Those that hang together and have a place.")
+    walks: int
+    reach_m: float = Field(description="Distance over which scans hear alike, metres.")
+    weakest_dbm: float = Field(description="Weakest strength that counted.")
     coverage: float = Field(description="Share of the map where the crowd has been.")
     placements: list[PlacementOut]
 
@@ -48,20 +53,12 @@ class FloorsIn(Wire):
     )
 
 
-class FloorOut(Wire):
+class FloorOut(FitOut):
     """How well a crowd fits one of several floors."""
 
     site: str
     map_version: str
     probability: float = Field(description="That it is this one of them.")
-    cost_m: float
-    margin_m: float = Field(description="How much worse the next placement is, metres.")
-    mirror_margin_m: float = Field(
-        description="How much worse the mirror image of the crowd fits, metres: a control."
-    )
-    doubtful: bool = Field(
-        description="Whether another placement is nearly as good, or the mirror image is."
-    )
 
 
 class FloorsOut(Wire):
