@@ -30,9 +30,10 @@ def main() -> int:
         _, axes = plt.subplots(2, len(names), figsize=(10, 7.5))
         for name, above, below in zip(names, *axes, strict=True):
             floor = read_floor(directory, name)
-            space = FreeSpace.of(SiteMap.from_geojson(floor.map_document), CELL_M)
+            site_map = SiteMap.from_geojson(floor.map_document)
+            space = FreeSpace.of(site_map, CELL_M)
             scans = map(walk_scan, crowd_scans(floor, []))
-            crowd = RegisteredCrowd.of(scans, space, space.widened(WALL_TOLERANCE_M))
+            crowd = RegisteredCrowd.of(scans, site_map, space, space.widened(WALL_TOLERANCE_M))
             if crowd is None:
                 print(f"{name}: the crowd finds no place")
                 return 1

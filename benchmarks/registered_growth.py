@@ -1,6 +1,7 @@
 """What a registration costs as the crowd grows: ten times the scans, step by step.
 
-Phones walk one generated town; each of the three sizes is laid out and placed from nothing.
+Phones walk one generated town; each of the three sizes is laid out, placed and smoothed from
+nothing, but for a twentieth of the walks, which join at last.
 """
 
 import sys
@@ -11,24 +12,35 @@ from homsense_cli.accuracy.scene import WEAKEST_DBM, walk_scan
 from homsense_fleet.driver import Crowd
 from homsense_fleet.world import downtown_44
 
-from homsense import CodeMap, FreeSpace, Hearing, PlaceLikelihood, SiteMap, register_crowd
+from homsense import (
+    FreeSpace,
+    Hearing,
+    PlaceLikelihood,
+    SiteMap,
+    extend,
+    register_crowd,
+    smooth,
+)
 from homsense.registered.complex import STAGES
-from homsense.registered.place import BLOCK_M
 from homsense.registered.registration import COMPASS_RAD
 
 SEED, CELL_M, SCANS_EACH, QUERIES = 0, 2.0, 130, 200
 SIZES = (1_000, 10_000, 100_000)
+LATE = 20
+AFTERWARDS = "smoothed", "late join", "ms a scan"
 
 
 def main() -> int:
     """Print a line for each size; return the exit code."""
     world = downtown_44(SEED)
-    free_space = FreeSpace.of(SiteMap.from_geojson(world.map_document()), CELL_M)
+    site_map = SiteMap.from_geojson(world.map_document())
+    free_space = FreeSpace.of(site_map, CELL_M)
     sizes = [int(size) for size in sys.argv[1:]] or SIZES
     print(f"seed {SEED}, {len(world.ids)} transmitters; seconds of CPU")
-    print("scans", *(f"{stage:>11}" for stage in (*STAGES, "ms a scan")), sep="  ")
+    print("scans", *(f"{stage:>11}" for stage in (*STAGES, *AFTERWARDS)), sep="  ")
     for size in sizes:
         phones = Crowd(SEED, -(-size // SCANS_EACH), SCANS_EACH)
+        early = size - max(1, phones.phones // LATE) * SCANS_EACH
         scans = [
             walk_scan(scan)
             for number in range(phones.phones)
@@ -36,13 +48,17 @@ def main() -> int:
         ][:size]
         marks = [time.process_time()]
         found = register_crowd(
-            scans,
+            scans[:early],
             free_space,
             hearing=Hearing(weakest_dbm=WEAKEST_DBM),
             rotation_sd_rad=COMPASS_RAD,
             on_stage=lambda _stage, marks=marks: marks.append(time.process_time()),  # type: ignore[misc]
         )
-        weigh = PlaceLikelihood(found, CodeMap.blocks(free_space, BLOCK_M))
+        found = smooth(PlaceLikelihood(found, free_space), scans, site_map)
+        weigh = PlaceLikelihood(found, free_space)
+        marks.append(time.process_time())
+        extend(weigh, scans, site_map)
+        marks.append(time.process_time())
         begun = time.process_time()
         for scan in scans[:: max(1, size // QUERIES)]:
             sighting = found.sighting(scan.readings)

@@ -61,6 +61,7 @@ from homsense.scan import Reading, visible_landmarks
 from homsense.sensing import LocalHomology, sense_local_homology, sense_within
 from homsense.simplicial import LandmarkComplex
 from homsense.site_map import SiteMap
+from homsense.smoothing import extend, smooth
 from homsense.travel import Travel
 from homsense.witness import WitnessFiltration
 from homsense.witness_check import (
@@ -142,6 +143,7 @@ __all__ = [
     "displaced",
     "estimate_radio",
     "expect",
+    "extend",
     "landmark_complex",
     "mean_advantage_bits",
     "median_witnesses",
@@ -152,6 +154,7 @@ __all__ = [
     "register_crowd",
     "sense_local_homology",
     "sense_within",
+    "smooth",
     "suggested_quorum",
     "visible_landmarks",
     "walked",

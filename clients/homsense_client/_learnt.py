@@ -58,6 +58,7 @@ class Placed:
 
     map_version: str
     tracked: int
+    laid_out: int
     scans: int
     walks: int
     reach_m: float

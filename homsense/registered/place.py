@@ -5,7 +5,10 @@ there. They are not independent, so their mean counts for a few. Where the crowd
 is nothing to say, and a scan that resembles nothing is best explained there.
 """
 
+import copy
 from collections.abc import Sequence
+from functools import cached_property
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,14 +17,16 @@ from scipy.spatial import cKDTree
 from homsense.code_map import CodeMap
 from homsense.errors import InvalidInputError
 from homsense.exact import exp
+from homsense.free_space import FreeSpace
 from homsense.height import HeightMap
 from homsense.ragged import spread
 from homsense.registered.complex import RegisteredComplex, Sighting
 from homsense.scalar import LN_2
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 
-BLOCK_M = 3.0
+BLOCK_SHARE = 1.0 / 6.0
 KERNEL_SHARE, KERNEL_CUT = 1.0, 2.5
 NOBODY = 2.0
 INDEPENDENT = 2.0
@@ -40,16 +45,16 @@ class PlaceLikelihood:
     ----------
     complex_ : RegisteredComplex
         The crowd.
-    code_map : CodeMap
-        Blocks of the map, from `CodeMap.blocks`.
+    free_space : FreeSpace
+        Where devices are looked for, in blocks of a sixth of the reach.
     """
 
-    def __init__(self, complex_: RegisteredComplex, code_map: CodeMap) -> None:
+    def __init__(self, complex_: RegisteredComplex, free_space: FreeSpace) -> None:
         self.complex = complex_
-        self.code_map = code_map
+        self.code_map = CodeMap.blocks(free_space, BLOCK_SHARE * complex_.reach_m)
         self.correlation_m = CORRELATION_SHARE * complex_.reach_m
         width = KERNEL_SHARE * complex_.reach_m
-        middles = code_map.expected[1:]
+        middles = self.code_map.expected[1:]
         near = cKDTree(complex_.xy).sparse_distance_matrix(
             cKDTree(middles), KERNEL_CUT * width, output_type="ndarray"
         )
@@ -57,14 +62,60 @@ class PlaceLikelihood:
         scan, self._block = near["i"], near["j"].astype(np.intp)
         self._start = np.searchsorted(scan, np.arange(complex_.size + 1))
         apart = np.sqrt(np.square(middles[self._block] - complex_.xy[scan]).sum(axis=1))
-        kernel = exp(-0.5 * np.square(apart / width))
-        total = NOBODY + np.bincount(self._block, kernel, len(middles))
-        self._weight = kernel / total[self._block]
+        self._kernel = exp(-0.5 * np.square(apart / width))
+        self._total = NOBODY + np.bincount(self._block, self._kernel, len(middles))
         ring = complex_.ring(apart)
         silent = complex_.nats[:, 0]
-        self._silent = np.bincount(self._block, self._weight * silent[ring], len(middles))
+        self._silent = np.bincount(self._block, self._kernel * silent[ring], len(middles))
         self._gain = (complex_.nats - silent[:, None]).ravel()
         self._gain_of = (ring * complex_.nats.shape[1]).astype(np.int32)
+
+    def covers(self, xy: FloatArray) -> BoolArray:
+        """Tell where the crowd has been, to the cell of the map.
+
+        Parameters
+        ----------
+        xy : ndarray, shape (N, 2), float64
+            Places, metres.
+
+        Returns
+        -------
+        ndarray, shape (N,), bool
+            What `RegisteredComplex.covers` tells of the middles of their cells; False off the map.
+        """
+        return self._covered[self.code_map.free_space.grid.flat_index(xy)]
+
+    @cached_property
+    def _covered(self) -> BoolArray:
+        covered = self.complex.covers(self.code_map.free_space.grid.centers())
+        return np.append(covered, False)
+
+    def without(self, walk: int) -> Self:
+        """Return what the other walks say.
+
+        Parameters
+        ----------
+        walk : int
+            Number of a walk of the complex.
+
+        Returns
+        -------
+        PlaceLikelihood
+            As if this walk had not been made; it takes the same sightings.
+        """
+        begin, end = self._start[np.searchsorted(self.complex.walk, [walk, walk + 1])]
+        block, kernel = self._block[begin:end], self._kernel[begin:end]
+        ring = self._gain_of[begin:end] // self.complex.nats.shape[1]
+        silent = kernel * self.complex.nats[ring, 0]
+        left = self._kernel.copy()
+        left[begin:end] = 0.0
+        others = copy.copy(self)
+        vars(others).update(
+            _kernel=left,
+            _total=self._total - np.bincount(block, kernel, len(self._total)),
+            _silent=self._silent - np.bincount(block, silent, len(self._silent)),
+        )
+        return others
 
     def __call__(self, sighting: Sighting) -> FloatArray:
         """Weigh a scan once for each block.
@@ -93,8 +144,9 @@ class PlaceLikelihood:
         gain_of = self._gain_of.take(entry)
         gain_of += np.repeat(level, size)
         gain = self._gain.take(gain_of)
-        gain *= self._weight.take(entry)
-        nats = self._silent + np.bincount(self._block.take(entry), gain, len(self._silent))
+        gain *= self._kernel.take(entry)
+        heard = np.bincount(self._block.take(entry), gain, len(self._silent))
+        nats = (self._silent + heard) / self._total
         bits = (INDEPENDENT / LN_2) * (nats - nats.max())
         return np.concatenate([[_NOTHING_BITS], bits])
 

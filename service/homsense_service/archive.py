@@ -15,7 +15,6 @@ import numpy as np
 
 import homsense
 from homsense.grid import Grid
-from homsense.registered.place import BLOCK_M
 from homsense.registered.registration import Placement, Registration
 from homsense_service.bundles import bundled, unbundled
 from homsense_service.records import tupled
@@ -185,7 +184,7 @@ def _registered(body: bytes, version: MapVersion, reachable: homsense.FreeSpace)
         ),
         arrays["source"],
     )
-    likelihood = homsense.PlaceLikelihood(crowd, homsense.CodeMap.blocks(reachable, BLOCK_M))
+    likelihood = homsense.PlaceLikelihood(crowd, reachable)
     nobody = np.empty((0, 2))
     return Registered(
         version, document["scans"], crowd, likelihood, document["coverage"], (), nobody

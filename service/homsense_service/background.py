@@ -114,6 +114,8 @@ class Background(Generic[Question, Known]):
         Answers a question; tells a function how many steps are done.
     words : Words
         For those who ask too early, or in vain.
+    grown : float, default 1.25
+        Scans, relative to those it was learnt from, from which on it is learnt anew.
     """
 
     def __init__(
@@ -121,8 +123,9 @@ class Background(Generic[Question, Known]):
         builder: Builder,
         build: Callable[[Question, Callable[[int], None]], Known],
         words: Words,
+        grown: float = GROWN,
     ) -> None:
-        self._builder, self._build, self.words = builder, build, words
+        self._builder, self._build, self.words, self._grown = builder, build, words, grown
         self._lock = threading.Lock()
         self._building: Future[Known] | None = None
         self.current: Known | None = None
@@ -203,7 +206,7 @@ class Background(Generic[Question, Known]):
         return (
             known is not None
             and known.map_digest == question.map_version.digest
-            and question.scans <= GROWN * known.scans
+            and known.scans <= question.scans <= self._grown * known.scans
         )
 
     def _work(self, question: Question) -> Known:

@@ -1,6 +1,7 @@
 """The crowd of a site on its map: laid out and placed in the background."""
 
-from collections.abc import Callable, Iterable
+import hashlib
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,18 +9,18 @@ from numpy.typing import NDArray
 
 import homsense
 from homsense.registered.complex import STAGES
-from homsense.registered.place import BLOCK_M
-from homsense_service.background import Background, Builder, Words
+from homsense_service.background import GROWN, Background, Builder, Words
 from homsense_service.errors import RegistrationFailedError, RegistrationPendingError
 from homsense_service.records import StoredScan
 from homsense_service.versions import MapVersion
 
 SAMPLED = 200
+EXTENDED = 1.05
 HEARINGS = (homsense.Hearing(), homsense.Hearing(weakest_dbm=-95.0))
 _WORDS = Words(
     "the crowd is being registered",
     "the crowd cannot be registered",
-    len(STAGES) * len(HEARINGS),
+    len(STAGES) * len(HEARINGS) + 1,
     RegistrationPendingError,
     RegistrationFailedError,
 )
@@ -70,6 +71,10 @@ class Registered:
         What some of its scans heard.
     sample_xy : ndarray, shape (S, 2), float64
         Where those were made, metres.
+    laid_out : int
+        How many there were when the crowd was laid out as a whole; others have joined it since.
+    names : str
+        Hash of which scans there were.
     """
 
     map_version: MapVersion
@@ -79,6 +84,8 @@ class Registered:
     coverage: float
     sample: tuple[tuple[homsense.Reading, ...], ...]
     sample_xy: NDArray[np.float64]
+    laid_out: int = 0
+    names: str = ""
 
     @property
     def map_digest(self) -> str:
@@ -96,7 +103,16 @@ class Registering(Background[CrowdQuestion, Registered]):
     """
 
     def __init__(self, builder: Builder) -> None:
-        super().__init__(builder, _register, _WORDS)
+        super().__init__(builder, self._place, _WORDS, EXTENDED)
+
+    def _place(self, question: CrowdQuestion, on_step: Callable[[int], None]) -> Registered:
+        scans = list(question.walks())
+        known = self.current
+        if known is None or not _can_grow(known, question, scans):
+            return _register(question, scans, on_step)
+        found = homsense.extend(known.likelihood, scans, question.map_version.site_map)
+        on_step(_WORDS.steps)
+        return _registered(question, scans, found, known.laid_out)
 
 
 def walk_scan(scan: StoredScan, readings: Iterable[homsense.Reading]) -> homsense.WalkScan | None:
@@ -121,8 +137,31 @@ def walk_scan(scan: StoredScan, readings: Iterable[homsense.Reading]) -> homsens
     return homsense.WalkScan(walk, scan.observed_at, *place, tuple(readings))
 
 
-def _register(question: CrowdQuestion, on_step: Callable[[int], None]) -> Registered:
-    version, scans, done = question.map_version, list(question.walks()), 0
+def _can_grow(
+    known: Registered, question: CrowdQuestion, scans: Sequence[homsense.WalkScan]
+) -> bool:
+    """Tell whether scans can join a crowd that has been placed: few, and none of it deleted."""
+    return (
+        known.map_digest == question.map_version.digest
+        and known.complex.registration.is_doubtful is False
+        and known.scans < len(scans) <= GROWN * known.laid_out
+        and known.names == _names(scans[: known.scans])
+    )
+
+
+def _names(scans: Iterable[homsense.WalkScan]) -> str:
+    digest = hashlib.sha256()
+    for scan in scans:
+        digest.update(f"{scan.walk}\0{scan.t_s!r}\n".encode())
+    return digest.hexdigest()
+
+
+def _register(
+    question: CrowdQuestion,
+    scans: Sequence[homsense.WalkScan],
+    on_step: Callable[[int], None],
+) -> Registered:
+    version, done = question.map_version, 0
 
     def reached(_stage: str) -> None:
         nonlocal done
@@ -139,16 +178,31 @@ def _register(question: CrowdQuestion, on_step: Callable[[int], None]) -> Regist
         )
         for hearing in HEARINGS
     ]
-    found = min(tried, key=lambda one: one.registration.cost_m)
+    best = min(tried, key=lambda one: one.registration.cost_m)
+    place = homsense.PlaceLikelihood(best, question.reachable)
+    found = homsense.smooth(place, scans, version.site_map)
+    reached("smoothed")
+    return _registered(question, scans, found, len(scans))
+
+
+def _registered(
+    question: CrowdQuestion,
+    scans: Sequence[homsense.WalkScan],
+    found: homsense.RegisteredComplex,
+    laid_out: int,
+) -> Registered:
+    version = question.map_version
     some = np.arange(0, found.size, max(1, found.size // SAMPLED))
-    blocks = homsense.CodeMap.blocks(question.reachable, BLOCK_M)
-    ground = homsense.CodeMap.blocks(version.free_space, BLOCK_M).expected[1:]
+    free = version.free_space
+    ground = free.grid.centers()[free.free[:-1]]
     return Registered(
         version,
-        question.scans,
+        len(scans),
         found,
-        homsense.PlaceLikelihood(found, blocks),
+        homsense.PlaceLikelihood(found, question.reachable),
         float(found.covers(ground).mean()),
         tuple(scans[source].readings for source in found.source[some]),
         found.xy[some],
+        laid_out,
+        _names(scans),
     )

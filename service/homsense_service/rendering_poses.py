@@ -85,8 +85,9 @@ def _coverage(sensor: Sensor, pose: homsense.PoseDistribution) -> float | None:
     """Return how much of the distribution lies where the crowd has been."""
     if sensor.registered is None:
         return None
-    some = pose.poses[pose.thinned(COVERAGE_SAMPLE), :2]
-    return float(sensor.registered.complex.covers(some).mean())
+    some = pose.thinned(COVERAGE_SAMPLE)
+    xy = np.stack([pose.particles.x_m[some], pose.particles.y_m[some]], axis=1, dtype=np.float64)
+    return float(sensor.registered.likelihood.covers(xy).mean())
 
 
 def render_session(session: Session) -> schemas.SessionOut:

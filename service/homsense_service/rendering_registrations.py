@@ -59,6 +59,7 @@ def _placed(known: Registered) -> schemas.PlacedOut:
     return schemas.PlacedOut(
         map_version=known.map_digest,
         tracked=known.scans,
+        laid_out=known.laid_out,
         scans=found.size,
         walks=len(np.unique(found.walk)),
         reach_m=found.reach_m,

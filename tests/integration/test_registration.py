@@ -4,6 +4,7 @@ import json
 import math
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -200,3 +201,19 @@ def test_the_sdk_tells_of_the_registration(floor: TestClient) -> None:
     told = Registration.from_json(ready(floor))
     assert told.placed is not None
     assert told.placed.placements[0].cost_m == told.placed.cost_m
+
+
+def test_new_walks_join_until_a_device_is_deleted(floor: TestClient) -> None:
+    before = ready(floor)["placed"]
+    late = [posted(replace(scan, walk=f"late-{scan.walk}")) for scan in BUILDING.crowd(77, 4)]
+    floor.post(f"{SITE}/scans", json={"scans": late})
+    after = ready(floor)["placed"]
+    assert after["tracked"] >= before["tracked"] + len(late)
+    assert after["laid_out"] == before["laid_out"]
+    assert before["scans"] + 0.5 * len(late) < after["scans"] <= before["scans"] + len(late) + 60
+    assert after["placements"] == before["placements"]
+
+    floor.delete(f"{SITE}/devices/late-walk-000")
+    floor.post(f"{SITE}/registration")
+    again = ready(floor)["placed"]
+    assert again["tracked"] == again["laid_out"] == after["tracked"] - len(late) // 4

@@ -247,4 +247,4 @@ def _told_unmapped(scene: Scene, pose: PoseDistribution) -> bool:
     if scene.crowd is None:
         return False
     some = pose.poses[pose.thinned(COVERAGE_SAMPLE), :2]
-    return is_unmapped(pose.status, float(scene.crowd.registered.covers(some).mean()))
+    return is_unmapped(pose.status, float(scene.crowd.likelihood.covers(some).mean()))

@@ -27,10 +27,10 @@ from homsense import (
     expect,
     mean_advantage_bits,
     register_crowd,
+    smooth,
 )
 from homsense.expectation import HOPS
 from homsense.likelihood import CodeLikelihood
-from homsense.registered.place import BLOCK_M
 from homsense.registered.registration import COMPASS_RAD
 from homsense_cli.accuracy.scenario import Scenario
 
@@ -61,6 +61,7 @@ class RegisteredCrowd:
     def of(
         cls,
         scans: Iterable[WalkScan],
+        site_map: SiteMap,
         ground: FreeSpace,
         reachable: FreeSpace,
         hearing: Hearing | None = None,
@@ -71,6 +72,8 @@ class RegisteredCrowd:
         ----------
         scans : iterable of WalkScan
             The crowd, which knows east.
+        site_map : SiteMap
+            The map.
         ground : FreeSpace
             Where the map says that one can be.
         reachable : FreeSpace
@@ -90,8 +93,8 @@ class RegisteredCrowd:
             )
         except InvalidInputError:
             return None
-        likelihood = PlaceLikelihood(found, CodeMap.blocks(reachable, BLOCK_M))
-        return cls(everything, found, likelihood)
+        smoothed = smooth(PlaceLikelihood(found, reachable), everything, site_map)
+        return cls(everything, smoothed, PlaceLikelihood(smoothed, reachable))
 
 
 @dataclass(frozen=True)
@@ -268,7 +271,7 @@ def prepare(scenario: Scenario, hops: Sequence[int] | None = None) -> CityScene:
     crowd = [frozenset(entry["id"] for entry in scan["landmarks"]) for scan in scans]
     model = tuned(free_space, crowd, hops, scenario.seed)
     walks = RegisteredCrowd.of(
-        map(walk_scan, scans), free_space, free_space, Hearing(weakest_dbm=WEAKEST_DBM)
+        map(walk_scan, scans), site_map, free_space, free_space, Hearing(weakest_dbm=WEAKEST_DBM)
     )
     return CityScene(scenario, world, Scene.of(site_map, free_space, crowd, model, walks))
 

@@ -128,7 +128,9 @@ def floor_walks(recorded: Recorded, name: str, hops: tuple[int, ...] | None) -> 
     walks = []
     for number, chain in enumerate(floor.chains[: recorded.limit]):
         scans = list(_thinned(crowd_scans(floor, chain), recorded.crowd))
-        placed = RegisteredCrowd.of(map(walk_scan, scans), free_space, reachable, recorded.hearing)
+        placed = RegisteredCrowd.of(
+            map(walk_scan, scans), site_map, free_space, reachable, recorded.hearing
+        )
         crowd = [seen(scan["landmarks"]) for scan in scans]
         scene = Scene.of(site_map, reachable, crowd, model, placed)
         rng = np.random.default_rng(number)

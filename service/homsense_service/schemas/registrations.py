@@ -37,6 +37,9 @@ class PlacedOut(FitOut):
 
     map_version: str
     tracked: int = Field(description="Scans with tracks that there were.")
+    laid_out: int = Field(
+        description="Those when the crowd was last laid out as a whole; the others have joined it."
+    )
     scans: int = Field(description="Those that hang together and have a place.")
     walks: int
     reach_m: float = Field(description="Distance over which scans hear alike, metres.")

@@ -49,7 +49,7 @@ def registered(seed: int = 0, turned_rad: float = 0.0) -> tuple[Building, Regist
 
 
 def likelihood(building: Building, found: RegisteredComplex) -> PlaceLikelihood:
-    return PlaceLikelihood(found, CodeMap.blocks(building.free_space, BLOCK_M))
+    return PlaceLikelihood(found, building.free_space)
 
 
 @pytest.mark.parametrize("turned_rad", [0.0, 2.0])
@@ -183,6 +183,9 @@ def test_what_resembles_nothing_was_made_where_nobody_has_been() -> None:
     bits = weigh(nothing)
     covered = found.covers(weigh.code_map.expected[1:])
     assert 0.3 < covered.mean() < 1.0
+    centers = building.free_space.grid.centers()
+    assert np.array_equal(weigh.covers(centers + 0.4), found.covers(centers))
+    assert not weigh.covers(np.array([[1e5, 0.0]])).any()
     assert np.median(bits[1:][~covered]) > np.median(bits[1:][covered])
     with pytest.raises(InvalidInputError, match="another complex"):
         weigh(Sighting((found.size,), (1,)))

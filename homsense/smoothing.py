@@ -1,0 +1,246 @@
+"""Walks smoothed within the walls of the map: polish of a registered crowd, and its growth.
+
+A filter runs over the scans of a walk, weighed by what all other walks have heard; then tracks are
+drawn backwards from what it knew at each scan [1]_.
+
+.. [1] Godsill, Doucet and West, "Monte Carlo Smoothing for Nonlinear Time Series", Journal of the
+   American Statistical Association 99, 2004.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homsense.configuration import LocalizerConfig
+from homsense.localizer import Localizer
+from homsense.particles import Particles
+from homsense.pose import MAX_DELTA, Delta
+from homsense.prior import GaussianPrior, HeadingPrior, Prior, UniformPrior
+from homsense.registered.complex import RegisteredComplex
+from homsense.registered.crowd import Crowd, WalkScan
+from homsense.registered.layout import HEADING_RAD, STEP_FLOOR_M, STEP_SHARE
+from homsense.registered.place import PlaceLikelihood
+from homsense.scalar import LN_2, TURN
+from homsense.site_map import SiteMap
+from homsense.weights import UNITS_PER_BIT
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+PARTICLES, NEWCOMER_PARTICLES, TRACKS = 1000, 4000, 50
+START_SHARE, KNOWN_SHARE = 0.25, 0.5
+ENOUGH = 100.0
+"""Scans on a square of one reach."""
+
+TURN_RAD = 0.02
+"""Deviation of a heading after one metre; it grows with the square root of the way."""
+
+
+class _Move(NamedTuple):
+    right_m: float
+    up_m: float
+    std_m: float
+    std_rad: float
+
+    @property
+    def delta(self) -> Delta:
+        return Delta(self.right_m, self.up_m, 0.0, std=(self.std_m, self.std_m, self.std_rad))
+
+
+def smooth(
+    place: PlaceLikelihood, scans: Sequence[WalkScan], site_map: SiteMap, seed: int = 0
+) -> RegisteredComplex:
+    """Move the scans of each walk to where motion, walls and the other walks want them.
+
+    Parameters
+    ----------
+    place : PlaceLikelihood
+        Of a registered complex.
+    scans : sequence of WalkScan
+        What the complex was made of.
+    site_map : SiteMap
+        The map.
+    seed : int, default 0
+        Of the particles.
+
+    Returns
+    -------
+    RegisteredComplex
+        The same scans at the means of the tracks drawn.
+    """
+    found, place = place.complex, _thinned(place)
+    xy = found.xy.copy()
+    rng = np.random.Generator(np.random.Philox(seed))
+    for walk in np.unique(found.walk).tolist():
+        which = np.flatnonzero(found.walk == walk)
+        made = [scans[number] for number in found.source[which].tolist()]
+        own_xy = np.array([(scan.x_m, scan.y_m) for scan in made])
+        middles = place.code_map.expected[1:]
+        x_m, y_m = middles[np.square(middles - xy[which[0]]).sum(axis=1).argmin()].tolist()
+        start = GaussianPrior(
+            x_m,
+            y_m,
+            START_SHARE * found.reach_m,
+            HeadingPrior(_turned(own_xy, xy[which]), HEADING_RAD),
+        )
+        localizer = _localizer(place.without(walk), site_map, start, PARTICLES)
+        xy[which] = _tracks(localizer, place.complex, made, rng).mean(axis=1)
+    return replace(found, xy=xy)
+
+
+def extend(
+    place: PlaceLikelihood, scans: Sequence[WalkScan], site_map: SiteMap, seed: int = 0
+) -> RegisteredComplex:
+    """Let walks that a registered crowd did not have join it, each on its own.
+
+    Parameters
+    ----------
+    place : PlaceLikelihood
+        Of a registered complex.
+    scans : sequence of WalkScan
+        What the complex was made of, then the scans of new walks.
+    site_map : SiteMap
+        The map.
+    seed : int, default 0
+        Of the particles.
+
+    Returns
+    -------
+    RegisteredComplex
+        The scans that it had where they are, and those others whose places the tracks agree on.
+    """
+    found, place = place.complex, _thinned(place)
+    others = np.setdiff1d(np.arange(len(scans)), found.source)
+    rng = np.random.Generator(np.random.Philox(seed))
+    crowd = Crowd.of([scans[number] for number in others.tolist()], found.hearing)
+    source = others[crowd.source]
+    rotation = found.registration.placements[0].rotation_rad
+    start = UniformPrior(HeadingPrior(rotation, HEADING_RAD))
+    localizer = _localizer(place, site_map, start, NEWCOMER_PARTICLES)
+    xy, known = np.empty((crowd.size, 2)), np.zeros(crowd.size, np.bool_)
+    for walk in range(crowd.n_walks):
+        which = np.flatnonzero(crowd.walk == walk)
+        made = [scans[number] for number in source[which].tolist()]
+        tracks = _tracks(localizer, place.complex, made, rng)
+        xy[which] = tracks.mean(axis=1)
+        spread = np.sqrt(tracks.var(axis=1).sum(axis=1))
+        known[which] = spread <= KNOWN_SHARE * found.reach_m
+    return replace(
+        found,
+        walk=np.concatenate([found.walk, found.walk[-1] + 1 + crowd.walk[known]]),
+        xy=np.concatenate([found.xy, xy[known]]),
+        signatures=(*found.signatures, *(crowd.signatures[i] for i in np.flatnonzero(known))),
+        source=np.concatenate([found.source, source[known]]),
+    )
+
+
+def _thinned(place: PlaceLikelihood) -> PlaceLikelihood:
+    """Return what some of the scans say, no more for an area than are of use."""
+    found, blocks = place.complex, place.code_map
+    sizes = blocks.sizes[1:][found.covers(blocks.expected[1:])]
+    reaches = sizes.sum() * (blocks.free_space.grid.cell_m / found.reach_m) ** 2
+    step = int(found.size // (ENOUGH * max(1.0, reaches)))
+    if step <= 1:
+        return place
+    some = np.arange(0, found.size, step)
+    thinner = replace(
+        found,
+        walk=found.walk[some],
+        xy=found.xy[some],
+        signatures=tuple(found.signatures[scan] for scan in some.tolist()),
+        source=found.source[some],
+    )
+    return PlaceLikelihood(thinner, blocks.free_space)
+
+
+def _localizer(
+    place: PlaceLikelihood, site_map: SiteMap, start: Prior, particles: int
+) -> Localizer:
+    config = LocalizerConfig(particles=particles, prior=start, recovery=None, weigh_every_m=0.0)
+    return Localizer(site_map, [], config, free_space=place.code_map.free_space, likelihood=place)
+
+
+def _tracks(
+    localizer: Localizer,
+    found: RegisteredComplex,
+    scans: Sequence[WalkScan],
+    rng: np.random.Generator,
+) -> FloatArray:
+    """Draw where a walk has been, shape (T, TRACKS, 2), metres."""
+    own_xy = np.array([(scan.x_m, scan.y_m) for scan in scans])
+    moves = list(_moves(own_xy))
+    known = list(_filtered(localizer, scans, moves, found, int(rng.integers(2**63))))
+    return _drawn_back(known, moves, rng)
+
+
+def _turned(own_xy: FloatArray, xy: FloatArray) -> float:
+    """Return the rotation that fits places in the frame of a walk to those on the map best."""
+    own, there = own_xy - own_xy.mean(axis=0), xy - xy.mean(axis=0)
+    across = (own[:, 0] * there[:, 1] - own[:, 1] * there[:, 0]).sum()
+    return math.atan2(across, (own * there).sum())
+
+
+def _moves(own_xy: FloatArray) -> Iterator[_Move]:
+    """Yield what a device has measured between its scans."""
+    for right, up in np.clip(np.diff(own_xy, axis=0), -MAX_DELTA, MAX_DELTA).tolist():
+        length = math.hypot(right, up)
+        yield _Move(
+            right, up, STEP_FLOOR_M + STEP_SHARE * length, TURN_RAD * math.sqrt(max(length, 0.1))
+        )
+
+
+def _filtered(
+    localizer: Localizer,
+    scans: Sequence[WalkScan],
+    moves: Sequence[_Move],
+    found: RegisteredComplex,
+    seed: int,
+) -> Iterator[Particles]:
+    """Yield what is known at each scan from those up to it."""
+    state = localizer.start(seed)
+    for scan, delta in zip(scans, (Delta(), *(move.delta for move in moves)), strict=True):
+        state, _ = localizer.step(state, delta, found.sighting(scan.readings))
+        yield state.particles
+
+
+def _drawn_back(
+    known: Sequence[Particles], moves: Sequence[_Move], rng: np.random.Generator
+) -> FloatArray:
+    """Draw tracks from what is known from all scans, shape (T, TRACKS, 2), metres."""
+    last = known[-1]
+    chosen = _placed(last)[_draw(np.tile(_nats(last), (TRACKS, 1)), rng)]
+    tracks = [chosen[:, :2]]
+    for before, move in zip(known[-2::-1], reversed(moves), strict=True):
+        here = _placed(before)
+        cos, sin = here[:, 2], here[:, 3]
+        led_to = here.copy()
+        led_to[:, 0] += cos * move.right_m - sin * move.up_m
+        led_to[:, 1] += sin * move.right_m + cos * move.up_m
+        middle = chosen.mean(axis=0)
+        sure = 1.0 / np.array([move.std_m, move.std_m, move.std_rad, move.std_rad])
+        there, led_to = (chosen - middle) * sure, (led_to - middle) * sure
+        nats = _nats(before) + there @ led_to.T - 0.5 * np.square(led_to).sum(axis=1)
+        chosen = here[_draw(nats, rng)]
+        tracks.append(chosen[:, :2])
+    return np.stack(tracks[::-1])
+
+
+def _placed(particles: Particles) -> FloatArray:
+    """Return places and directions: x m, y m, cosine, sine."""
+    turned = particles.turns.astype(np.float64) * TURN
+    return np.stack([particles.x_m, particles.y_m, np.cos(turned), np.sin(turned)], axis=1)
+
+
+def _nats(particles: Particles) -> FloatArray:
+    return np.asarray(particles.log_weight * (LN_2 / UNITS_PER_BIT))
+
+
+def _draw(nats: FloatArray, rng: np.random.Generator) -> IntArray:
+    """Draw one of the columns for each row."""
+    reached = np.exp(nats - nats.max(axis=1, keepdims=True)).cumsum(axis=1)
+    short = reached < rng.random((len(nats), 1)) * reached[:, -1:]
+    return np.asarray(np.minimum(short.sum(axis=1), nats.shape[1] - 1))
