@@ -19,7 +19,7 @@ from homsense_cli.figures import STYLE
 from homsense_cli.recorded import WALL_TOLERANCE_M, Floor, crowd_scans, floor_names, read_floor
 from matplotlib import pyplot as plt
 
-from homsense import FreeSpace, PlaceLikelihood, SiteMap, register_crowd, smooth
+from homsense import FreeSpace, SiteMap, register_crowd, smooth
 from homsense.registered.registration import COMPASS_RAD
 
 GROUND, COVERED, WALK = "#e4e6ea", "#c5d9e6", "#2f6f9f"
@@ -47,8 +47,7 @@ def main() -> int:
             marks = [time.process_time()]
             raw = register_crowd(scans, space, rotation_sd_rad=COMPASS_RAD)
             marks.append(time.process_time())
-            place = PlaceLikelihood(raw, space.widened(WALL_TOLERANCE_M))
-            found = smooth(place, scans, site_map)
+            found = smooth(raw, scans, site_map, space.widened(WALL_TOLERANCE_M))
             marks.append(time.process_time())
             truth = true_places(floor, posted)[found.source]
             errors = [np.median(np.linalg.norm(one.xy - truth, axis=1)) for one in (raw, found)]

@@ -21,7 +21,7 @@ from homsense import (
     register_crowd,
     smooth,
 )
-from homsense.registered.complex import STAGES
+from homsense.registered.placing import STAGES
 from homsense.registered.registration import COMPASS_RAD
 
 SEED, CELL_M, SCANS_EACH, QUERIES = 0, 2.0, 130, 200
@@ -54,11 +54,12 @@ def main() -> int:
             rotation_sd_rad=COMPASS_RAD,
             on_stage=lambda _stage, marks=marks: marks.append(time.process_time()),  # type: ignore[misc]
         )
-        found = smooth(PlaceLikelihood(found, free_space), scans, site_map)
+        found = smooth(found, scans, site_map, free_space)
+        marks.append(time.process_time())
+        extend(found, scans, site_map, free_space)
+        marks.append(time.process_time())
+        found = found.thinned()
         weigh = PlaceLikelihood(found, free_space)
-        marks.append(time.process_time())
-        extend(weigh, scans, site_map)
-        marks.append(time.process_time())
         begun = time.process_time()
         for scan in scans[:: max(1, size // QUERIES)]:
             sighting = found.sighting(scan.readings)

@@ -46,15 +46,11 @@ from homsense.quarantine import Displaced, displaced
 from homsense.radio import RadioModel, estimate_radio
 from homsense.range_check import RangePoint, choose_cut, range_curve
 from homsense.recovery import AugmentedMcl, Doubt, Recovery, Relocation
-from homsense.registered.complex import (
-    LaidOutCrowd,
-    RegisteredComplex,
-    Sighting,
-    register_crowd,
-)
+from homsense.registered.complex import RegisteredComplex, Sighting
 from homsense.registered.crowd import WalkScan
 from homsense.registered.floors import FloorFit, rank_floors
 from homsense.registered.place import HolesAtPlace, PlaceLikelihood
+from homsense.registered.placing import LaidOutCrowd, register_crowd
 from homsense.registered.similarity import Hearing
 from homsense.relation import VisibilityRelation
 from homsense.scan import Reading, visible_landmarks

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homsense.configuration import LocalizerConfig
+from homsense.free_space import FreeSpace
 from homsense.localizer import Localizer
 from homsense.particles import Particles
 from homsense.pose import MAX_DELTA, Delta
@@ -33,9 +34,6 @@ IntArray = NDArray[np.int64]
 
 PARTICLES, NEWCOMER_PARTICLES, TRACKS = 1000, 4000, 50
 START_SHARE, KNOWN_SHARE = 0.25, 0.5
-ENOUGH = 100.0
-"""Scans on a square of one reach."""
-
 TURN_RAD = 0.02
 """Deviation of a heading after one metre; it grows with the square root of the way."""
 
@@ -52,18 +50,24 @@ class _Move(NamedTuple):
 
 
 def smooth(
-    place: PlaceLikelihood, scans: Sequence[WalkScan], site_map: SiteMap, seed: int = 0
+    found: RegisteredComplex,
+    scans: Sequence[WalkScan],
+    site_map: SiteMap,
+    free_space: FreeSpace,
+    seed: int = 0,
 ) -> RegisteredComplex:
     """Move the scans of each walk to where motion, walls and the other walks want them.
 
     Parameters
     ----------
-    place : PlaceLikelihood
-        Of a registered complex.
+    found : RegisteredComplex
+        The crowd.
     scans : sequence of WalkScan
         What the complex was made of.
     site_map : SiteMap
         The map.
+    free_space : FreeSpace
+        Where devices are looked for.
     seed : int, default 0
         Of the particles.
 
@@ -72,7 +76,7 @@ def smooth(
     RegisteredComplex
         The same scans at the means of the tracks drawn.
     """
-    found, place = place.complex, _thinned(place)
+    place = PlaceLikelihood(found.thinned(), free_space)
     xy = found.xy.copy()
     rng = np.random.Generator(np.random.Philox(seed))
     for walk in np.unique(found.walk).tolist():
@@ -93,18 +97,24 @@ def smooth(
 
 
 def extend(
-    place: PlaceLikelihood, scans: Sequence[WalkScan], site_map: SiteMap, seed: int = 0
+    found: RegisteredComplex,
+    scans: Sequence[WalkScan],
+    site_map: SiteMap,
+    free_space: FreeSpace,
+    seed: int = 0,
 ) -> RegisteredComplex:
     """Let walks that a registered crowd did not have join it, each on its own.
 
     Parameters
     ----------
-    place : PlaceLikelihood
-        Of a registered complex.
+    found : RegisteredComplex
+        The crowd.
     scans : sequence of WalkScan
         What the complex was made of, then the scans of new walks.
     site_map : SiteMap
         The map.
+    free_space : FreeSpace
+        Where devices are looked for.
     seed : int, default 0
         Of the particles.
 
@@ -113,7 +123,7 @@ def extend(
     RegisteredComplex
         The scans that it had where they are, and those others whose places the tracks agree on.
     """
-    found, place = place.complex, _thinned(place)
+    place = PlaceLikelihood(found.thinned(), free_space)
     others = np.setdiff1d(np.arange(len(scans)), found.source)
     rng = np.random.Generator(np.random.Philox(seed))
     crowd = Crowd.of([scans[number] for number in others.tolist()], found.hearing)
@@ -136,25 +146,6 @@ def extend(
         signatures=(*found.signatures, *(crowd.signatures[i] for i in np.flatnonzero(known))),
         source=np.concatenate([found.source, source[known]]),
     )
-
-
-def _thinned(place: PlaceLikelihood) -> PlaceLikelihood:
-    """Return what some of the scans say, no more for an area than are of use."""
-    found, blocks = place.complex, place.code_map
-    sizes = blocks.sizes[1:][found.covers(blocks.expected[1:])]
-    reaches = sizes.sum() * (blocks.free_space.grid.cell_m / found.reach_m) ** 2
-    step = int(found.size // (ENOUGH * max(1.0, reaches)))
-    if step <= 1:
-        return place
-    some = np.arange(0, found.size, step)
-    thinner = replace(
-        found,
-        walk=found.walk[some],
-        xy=found.xy[some],
-        signatures=tuple(found.signatures[scan] for scan in some.tolist()),
-        source=found.source[some],
-    )
-    return PlaceLikelihood(thinner, blocks.free_space)
 
 
 def _localizer(

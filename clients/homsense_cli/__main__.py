@@ -353,21 +353,28 @@ def sweep(
 
 def main() -> None:
     """Run the command line; a failure is one line on standard error."""
-    from homsense_client import ClientError
-    from homsense_service.errors import ServiceError
-
-    from homsense import HomsenseError
-
     try:
         app()
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         where = ".".join(map(str, first["loc"]))
         _fail(f"{where}: {first['msg']}" if where else str(first["msg"]), MISUSE)
-    except (OSError, ValueError, HomsenseError, ServiceError) as error:
-        _fail(str(error), MISUSE)
-    except (ClientError, RuntimeError) as error:
-        _fail(str(error), FAILED)
+    except Exception as error:
+        code = _exit_code(error)
+        if code is None:
+            raise
+        _fail(str(error), code)
+
+
+def _exit_code(error: Exception) -> int | None:
+    from homsense_client import ClientError
+    from homsense_service.errors import ServiceError
+
+    from homsense import HomsenseError
+
+    if isinstance(error, (OSError, ValueError, HomsenseError, ServiceError)):
+        return MISUSE
+    return FAILED if isinstance(error, (ClientError, RuntimeError)) else None
 
 
 def _fail(message: str, code: int) -> NoReturn:

@@ -6,8 +6,9 @@ from typing import NamedTuple
 
 from homsense.errors import InvalidInputError
 from homsense.free_space import FreeSpace
-from homsense.registered.complex import LaidOutCrowd, RegisteredComplex
+from homsense.registered.complex import RegisteredComplex
 from homsense.registered.crowd import WalkScan
+from homsense.registered.placing import LaidOutCrowd
 from homsense.registered.registration import M_PER_NAT
 from homsense.registered.similarity import Hearing
 

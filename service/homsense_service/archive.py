@@ -155,7 +155,7 @@ def _height(body: bytes) -> homsense.HeightMap:
 
 
 def _registered_bytes(found: Registered) -> bytes:
-    crowd, reachable = found.complex, found.likelihood.code_map.free_space
+    crowd, reachable = found.likelihood.complex, found.likelihood.code_map.free_space
     document = {
         "map": found.map_digest,
         "reachable": hashlib.sha256(reachable.free.tobytes()).hexdigest(),

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import homsense
-from homsense.registered.complex import STAGES
+from homsense.registered.placing import STAGES
 from homsense_service.background import GROWN, Background, Builder, Words
 from homsense_service.errors import RegistrationFailedError, RegistrationPendingError
 from homsense_service.records import StoredScan
@@ -64,7 +64,7 @@ class Registered:
     complex : homsense.RegisteredComplex
         Those that hang together, with places.
     likelihood : homsense.PlaceLikelihood
-        Of a scan, over the map.
+        Of a scan, over the map; of as many of them as are of use.
     coverage : float
         Share of the map where the crowd has been.
     sample : tuple of tuple of homsense.Reading
@@ -110,7 +110,8 @@ class Registering(Background[CrowdQuestion, Registered]):
         known = self.current
         if known is None or not _can_grow(known, question, scans):
             return _register(question, scans, on_step)
-        found = homsense.extend(known.likelihood, scans, question.map_version.site_map)
+        site_map = question.map_version.site_map
+        found = homsense.extend(known.complex, scans, site_map, question.reachable)
         on_step(_WORDS.steps)
         return _registered(question, scans, found, known.laid_out)
 
@@ -179,8 +180,7 @@ def _register(
         for hearing in HEARINGS
     ]
     best = min(tried, key=lambda one: one.registration.cost_m)
-    place = homsense.PlaceLikelihood(best, question.reachable)
-    found = homsense.smooth(place, scans, version.site_map)
+    found = homsense.smooth(best, scans, version.site_map, question.reachable)
     reached("smoothed")
     return _registered(question, scans, found, len(scans))
 
@@ -199,7 +199,7 @@ def _registered(
         version,
         len(scans),
         found,
-        homsense.PlaceLikelihood(found, question.reachable),
+        homsense.PlaceLikelihood(found.thinned(), question.reachable),
         float(found.covers(ground).mean()),
         tuple(scans[source].readings for source in found.source[some]),
         found.xy[some],

@@ -243,7 +243,7 @@ class Site:
         holes = self._count(visible, sensor) if visible else None
         if sensor.registered is None:
             return Measured(holes)
-        return Measured(holes, sensor.registered.complex.sighting(readings))
+        return Measured(holes, sensor.registered.likelihood.complex.sighting(readings))
 
     def counts_tell_bits(self, sensor: Sensor, crowd: Registered) -> float:
         """Return what counts tell about the place of a scan, judged by a registered crowd."""

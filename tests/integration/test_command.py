@@ -5,13 +5,14 @@ import json
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 from homsense_cli import demo as demo_module
-from homsense_cli.__main__ import app
+from homsense_cli.__main__ import app, main
 from homsense_cli.local_service import free_port, local_service, start
 from homsense_cli.recorded import crowd_scans, floor_names, read_floor, walk_events
 from homsense_cli.replay import Replay, run_replay
@@ -86,37 +87,56 @@ def test_misuse_exits_with_two(arguments: list[str]) -> None:
     assert runner.invoke(app, arguments).exit_code == 2
 
 
-def _homsense(*arguments: str, **variables: str) -> "subprocess.CompletedProcess[str]":
-    return subprocess.run(
-        [sys.executable, "-m", "homsense_cli", *arguments],
-        env={**os.environ, **variables},
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=60,
-    )
-
-
-def test_a_failure_is_one_line_on_standard_error(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("arguments", "code", "reason"),
+    [
+        (["serve", "--data", "{file}/x"], 2, "cannot be used"),
+        (["fleet", "--map", "{file}"], 2, "no polygon"),
+        (["figures", "{file}"], 2, "recorded run"),
+        (["replay", "{directory}"], 2, "no recordings"),
+        (["replay", "{directory}", "--sensor", "sixth"], 2, "--sensor must be"),
+        (["fleet", "--url", "http://127.0.0.1:1", "--phones", "1"], 1, "connection"),
+    ],
+)
+def test_a_failure_is_one_line_on_standard_error(
+    arguments: list[str],
+    code: int,
+    reason: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     file = tmp_path / "map.json"
     file.write_text('{"a": 1}')
-    with local_service() as url:
-        port = url.rsplit(":", 1)[1]
-        cases = [
-            (_homsense("serve", "--port", port, "--data", str(tmp_path / "d")), 2, "in use"),
-            (_homsense("serve", "--data", str(file / "x")), 2, "cannot be used"),
-            (_homsense("serve", HOMSENSE_PORT="abc"), 2, "port: "),
-            (_homsense("fleet", "--map", str(file)), 2, "no polygon"),
-            (_homsense("figures", str(file)), 2, "recorded run"),
-            (_homsense("replay", str(tmp_path)), 2, "no recordings"),
-            (_homsense("replay", str(tmp_path), "--sensor", "sixth"), 2, "--sensor must be"),
-            (_homsense("fleet", "--url", "http://127.0.0.1:1", "--phones", "1"), 1, "connection"),
-        ]
-    for done, code, reason in cases:
-        line = done.stderr.splitlines()[-1]
-        assert (done.returncode, reason in line) == (code, True), done.stderr
-        assert line.startswith("homsense: ")
-        assert "Traceback" not in done.stderr
+    given = [argument.format(file=file, directory=tmp_path) for argument in arguments]
+    monkeypatch.setattr(sys, "argv", ["homsense", *given])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    line = capsys.readouterr().err.splitlines()[-1]
+    assert (ended.value.code, reason in line) == (code, True), line
+    assert line.startswith("homsense: ")
+
+
+@pytest.mark.parametrize(
+    ("variables", "reason"), [({}, "in use"), ({"HOMSENSE_PORT": "abc"}, "port: ")]
+)
+def test_a_service_that_cannot_start_says_why(
+    variables: dict[str, str], reason: str, tmp_path: Path
+) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = str(taken.getsockname()[1])
+        done = subprocess.run(
+            [sys.executable, "-m", "homsense_cli", "serve", "--data", str(tmp_path)],
+            env={**os.environ, "HOMSENSE_PORT": port, **variables},
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=60,
+        )
+    line = done.stderr.splitlines()[-1]
+    assert (done.returncode, reason in line) == (2, True), done.stderr
+    assert line.startswith("homsense: ")
+    assert "Traceback" not in done.stderr
 
 
 def test_the_service_tells_where_it_serves_and_stops_on_a_signal(tmp_path: Path) -> None:

@@ -48,7 +48,7 @@ class RegisteredCrowd:
     scans : list of WalkScan
         All of it.
     registered : RegisteredComplex
-        With places.
+        As many of them as are of use, with places.
     likelihood : PlaceLikelihood
         Of a scan, over the map.
     """
@@ -93,7 +93,7 @@ class RegisteredCrowd:
             )
         except InvalidInputError:
             return None
-        smoothed = smooth(PlaceLikelihood(found, reachable), everything, site_map)
+        smoothed = smooth(found, everything, site_map, reachable).thinned()
         return cls(everything, smoothed, PlaceLikelihood(smoothed, reachable))
 
 

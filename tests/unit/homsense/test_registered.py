@@ -33,9 +33,9 @@ from homsense import (
 )
 from homsense.backend import NUMPY, compiled
 from homsense.likelihood import CodeLikelihood
-from homsense.registered.complex import STAGES
 from homsense.registered.crowd import Crowd, likeness
 from homsense.registered.layout import largest_part, lay_out
+from homsense.registered.placing import STAGES
 from homsense.registered.registration import register
 
 BLOCK_M = 3.0

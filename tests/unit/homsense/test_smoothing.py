@@ -1,5 +1,6 @@
 """A registered crowd, smoothed walk by walk within the walls."""
 
+from collections import Counter
 from dataclasses import replace
 from functools import cache
 
@@ -20,13 +21,13 @@ from homsense import (
 
 
 @cache
-def crowd(seed: int) -> tuple[Building, list[WalkScan], np.ndarray, PlaceLikelihood]:
+def crowd(seed: int) -> tuple[Building, list[WalkScan], np.ndarray, RegisteredComplex]:
     building = Building.of(seed)
     pairs = list(building.crowd_with_truth(seed + 10, 40))
     scans = [scan for scan, _ in pairs]
     found = register_crowd(scans, building.free_space)
     truth = np.array([place for _, place in pairs])[found.source]
-    return building, scans, truth, PlaceLikelihood(found, building.free_space)
+    return building, scans, truth, found
 
 
 def error_m(found: RegisteredComplex, truth: np.ndarray) -> float:
@@ -35,34 +36,28 @@ def error_m(found: RegisteredComplex, truth: np.ndarray) -> float:
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_smoothing_moves_scans_to_where_they_were_made(seed: int) -> None:
-    building, scans, truth, place = crowd(seed)
-    smoothed = smooth(place, scans, building.site_map)
-    assert error_m(smoothed, truth) < 0.9 * error_m(place.complex, truth)
-    assert replace(smoothed, xy=place.complex.xy) == place.complex
+    building, scans, truth, found = crowd(seed)
+    smoothed = smooth(found, scans, building.site_map, building.free_space)
+    assert error_m(smoothed, truth) < 0.9 * error_m(found, truth)
+    assert replace(smoothed, xy=found.xy) == found
 
 
 def test_smoothing_depends_on_its_seed_alone() -> None:
-    building, scans, _, place = crowd(0)
-    once = smooth(place, scans, building.site_map, seed=3)
-    again = smooth(place, scans, building.site_map, seed=3)
-    other = smooth(place, scans, building.site_map, seed=4)
+    building, scans, _, found = crowd(0)
+    once, again, other = (
+        smooth(found, scans, building.site_map, building.free_space, seed) for seed in (3, 3, 4)
+    )
     assert np.array_equal(once.xy, again.xy)
     assert not np.array_equal(once.xy, other.xy)
 
 
 def test_a_walk_that_is_left_out_says_nothing() -> None:
-    _, _, _, place = crowd(0)
-    found = place.complex
+    building, _, _, found = crowd(0)
     others = np.flatnonzero(found.walk != 5)
-    smaller = replace(
-        found,
-        walk=found.walk[others],
-        xy=found.xy[others],
-        signatures=tuple(found.signatures[scan] for scan in others),
-        source=found.source[others],
-    )
+    smaller = found.of(found.walk != 5)
     smaller.__dict__["nats"] = found.nats
-    apart, left_out = PlaceLikelihood(smaller, place.code_map.free_space), place.without(5)
+    apart = PlaceLikelihood(smaller, building.free_space)
+    left_out = PlaceLikelihood(found, building.free_space).without(5)
     level = np.random.default_rng(1).integers(1, 11, found.size)
     for some in (np.arange(found.size), np.arange(0, found.size, 7), np.arange(0)):
         kept = np.flatnonzero(np.isin(others, some))
@@ -72,9 +67,27 @@ def test_a_walk_that_is_left_out_says_nothing() -> None:
 
 
 def test_a_walk_that_jumps_absurdly_is_smoothed_too() -> None:
-    building, scans, _, place = crowd(0)
+    building, scans, _, found = crowd(0)
     gone = [scan if scan.t_s < 20.0 else replace(scan, x_m=scan.x_m + 1e9) for scan in scans]
-    assert np.isfinite(smooth(place, gone, building.site_map).xy).all()
+    smoothed = smooth(found, gone, building.site_map, building.free_space)
+    assert np.isfinite(smoothed.xy).all()
+
+
+@pytest.mark.parametrize("enough", [1, 3, 10_000])
+def test_a_crowd_is_thinned_only_where_it_is_dense(enough: int) -> None:
+    _, _, _, found = crowd(0)
+    thinner = found.thinned(enough)
+    assert thinner.source.tolist() == thinner.thinned(enough).source.tolist()
+    assert set(thinner.source.tolist()) <= set(found.source.tolist())
+    kept = dict(zip(found.source.tolist(), found.xy.tolist(), strict=True))
+    assert [kept[source] for source in thinner.source.tolist()] == thinner.xy.tolist()
+
+    def squares(scans: RegisteredComplex) -> Counter[tuple[int, ...]]:
+        return Counter(map(tuple, (scans.xy // scans.reach_m).astype(int).tolist()))
+
+    before = squares(found)
+    assert max(before.values()) > 10
+    assert squares(thinner) == {at: min(count, enough) for at, count in before.items()}
 
 
 @cache
@@ -90,8 +103,8 @@ def grown() -> tuple[list[WalkScan], np.ndarray, RegisteredComplex, RegisteredCo
     scans = [*(scan for scan, _ in (*first, *late)), *stranger]
     truth = np.array([place for _, place in pairs] + [np.full(2, np.nan)] * len(stranger))
     before = register_crowd(scans[: len(first)], building.free_space, rotation_sd_rad=0.1)
-    place = PlaceLikelihood(before, building.free_space)
-    return scans, truth, before, extend(place, scans, building.site_map)
+    after = extend(before, scans, building.site_map, building.free_space)
+    return scans, truth, before, after
 
 
 def test_new_walks_join_a_crowd_where_they_were_made() -> None:

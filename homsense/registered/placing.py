@@ -1,0 +1,201 @@
+"""From the scans of a crowd to a complex on the map: laid out, placed, settled."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homsense.errors import InvalidInputError
+from homsense.free_space import FreeSpace
+from homsense.registered.complex import RegisteredComplex
+from homsense.registered.crowd import NEIGHBORS, Crowd, Likeness, WalkScan, likeness
+from homsense.registered.layout import Layout, Pull, largest_part, lay_out, settle
+from homsense.registered.registration import (
+    DISTINCT_M,
+    Ground,
+    Placement,
+    Registration,
+    apart,
+    register,
+    unlikely_m,
+)
+from homsense.registered.similarity import Hearing
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+GROUND_SD_M = 3.0
+PLAUSIBLE_M = 1.0
+STAGES = ("heard", "compared", "laid out", "registered", "settled")
+_MIRROR = np.array([-1.0, 1.0])
+
+
+@dataclass(frozen=True)
+class LaidOutCrowd:
+    """A crowd in a frame of its own, ready to be placed on any map.
+
+    Parameters
+    ----------
+    hearing : Hearing
+        What of a scan counts.
+    crowd : Crowd
+        The scans.
+    like : Likeness
+        Which of them are alike.
+    layout : Layout
+        Where they were made, in that frame.
+    """
+
+    hearing: Hearing
+    crowd: Crowd
+    like: Likeness
+    layout: Layout
+
+    @classmethod
+    def of(
+        cls,
+        scans: Iterable[WalkScan],
+        hearing: Hearing | None = None,
+        neighbors: int = NEIGHBORS,
+        on_stage: Callable[[str], None] = lambda _stage: None,
+    ) -> Self:
+        """Lay a crowd out.
+
+        Parameters
+        ----------
+        scans : iterable of WalkScan
+            The crowd.
+        hearing : Hearing, optional
+            What of a scan counts.
+        neighbors : int, default 4
+            Most similar scans that each scan is joined with.
+        on_stage : callable, optional
+            Told each of `STAGES` when it is reached.
+
+        Returns
+        -------
+        LaidOutCrowd
+            Without any map.
+
+        Raises
+        ------
+        InvalidInputError
+            If the crowd is too small to be laid out.
+        """
+        rule = hearing or Hearing()
+        crowd = Crowd.of(scans, rule)
+        on_stage("heard")
+        like = likeness(crowd, neighbors)
+        on_stage("compared")
+        if not len(like.first):
+            message = "no two walks have heard alike"
+            raise InvalidInputError(message, "scans")
+        layout = lay_out(crowd, like)
+        on_stage("laid out")
+        return cls(rule, crowd, like, layout)
+
+    def on(
+        self,
+        free_space: FreeSpace,
+        rotation_sd_rad: float | None = None,
+        on_stage: Callable[[str], None] = lambda _stage: None,
+    ) -> RegisteredComplex:
+        """Place the crowd on a map, without any label.
+
+        Parameters
+        ----------
+        free_space : FreeSpace
+            Of the map.
+        rotation_sd_rad : float, optional
+            How far the headings of the crowd are from those of the map, radians; unknown when
+            absent.
+        on_stage : callable, optional
+            Told each of `STAGES` when it is reached.
+
+        Returns
+        -------
+        RegisteredComplex
+            Of the scans that hang together.
+        """
+        part = self._part
+        shape = self.layout.xy[part]
+        tried = register(shape, free_space, rotation_sd_rad)
+        (mirrored,) = register(shape * _MIRROR, free_space, thorough=False)
+        best_m = min(placement.cost_m for placement in tried)
+        on_stage("registered")
+        ground = Ground.of(free_space)
+        settled: list[tuple[Placement, FloatArray]] = []
+        for placement in tried:
+            if placement.cost_m > best_m + PLAUSIBLE_M:
+                continue
+            xy = self._settled(placement, ground)[part]
+            unlikely = unlikely_m(placement.rotation_rad, placement.scale, rotation_sd_rad)
+            settled.append((placement._replace(cost_m=ground.mismatch_m(xy) + unlikely), xy))
+        settled.sort(key=lambda pair: pair[0].cost_m)
+        distinct = apart((xy for _, xy in settled), DISTINCT_M, len(settled))
+        on_stage("settled")
+        return RegisteredComplex(
+            self.hearing,
+            self.crowd.walk[part],
+            settled[0][1],
+            tuple(heard for heard, kept in zip(self.crowd.signatures, part, strict=True) if kept),
+            self.like.radio.reach_m,
+            Registration(
+                tuple(settled[number][0] for number in distinct), mirrored.cost_m - best_m
+            ),
+            self.crowd.source[part],
+        )
+
+    @cached_property
+    def _part(self) -> BoolArray:
+        return largest_part(self.crowd, self.like)
+
+    def _settled(self, placement: Placement, ground: Ground) -> FloatArray:
+        turned = self.layout.heading + placement.rotation_rad
+        placed = Layout(placement.place(self.layout.xy), turned, self.layout.log_step)
+        return settle(
+            self.crowd, self.like, placed, lambda xy: Pull(ground.nearest(xy), GROUND_SD_M)
+        ).xy
+
+
+def register_crowd(
+    scans: Iterable[WalkScan],
+    free_space: FreeSpace,
+    *,
+    hearing: Hearing | None = None,
+    neighbors: int = NEIGHBORS,
+    rotation_sd_rad: float | None = None,
+    on_stage: Callable[[str], None] = lambda _stage: None,
+) -> RegisteredComplex:
+    """Lay a crowd out and place it on a map, without any label.
+
+    Parameters
+    ----------
+    scans : iterable of WalkScan
+        The crowd.
+    free_space : FreeSpace
+        Of the map.
+    hearing : Hearing, optional
+        What of a scan counts.
+    neighbors : int, default 4
+        Most similar scans that each scan is joined with.
+    rotation_sd_rad : float, optional
+        How far the headings of the crowd are from those of the map, radians; unknown when absent.
+    on_stage : callable, optional
+        Told each of `STAGES` when it is reached.
+
+    Returns
+    -------
+    RegisteredComplex
+        Of the scans that hang together.
+
+    Raises
+    ------
+    InvalidInputError
+        If the crowd is too small to be laid out.
+    """
+    laid_out = LaidOutCrowd.of(scans, hearing, neighbors, on_stage)
+    return laid_out.on(free_space, rotation_sd_rad, on_stage)
