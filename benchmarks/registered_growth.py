@@ -1,7 +1,8 @@
 """What a registration costs as the crowd grows: ten times the scans, step by step.
 
 Phones walk one generated town; each of the three sizes is laid out, placed and smoothed from
-nothing, but for a twentieth of the walks, which join at last.
+nothing, but for a twentieth of the walks, and those of a large crowd beyond what is laid out at
+once, which join at last.
 """
 
 import sys
@@ -27,7 +28,7 @@ from homsense.registered.registration import COMPASS_RAD
 SEED, CELL_M, SCANS_EACH, QUERIES = 0, 2.0, 130, 200
 SIZES = (1_000, 10_000, 100_000)
 LATE = 20
-AFTERWARDS = "smoothed", "late join", "ms a scan"
+AFTERWARDS = "smoothed", "joined", "ms a scan"
 
 
 def main() -> int:
@@ -37,7 +38,7 @@ def main() -> int:
     free_space = FreeSpace.of(site_map, CELL_M)
     sizes = [int(size) for size in sys.argv[1:]] or SIZES
     print(f"seed {SEED}, {len(world.ids)} transmitters; seconds of CPU")
-    print("scans", *(f"{stage:>11}" for stage in (*STAGES, *AFTERWARDS)), sep="  ")
+    print(" scans placed", *(f"{stage:>11}" for stage in (*STAGES, *AFTERWARDS)))
     for size in sizes:
         phones = Crowd(SEED, -(-size // SCANS_EACH), SCANS_EACH)
         early = size - max(1, phones.phones // LATE) * SCANS_EACH
@@ -56,9 +57,9 @@ def main() -> int:
         )
         found = smooth(found, scans, site_map, free_space)
         marks.append(time.process_time())
-        extend(found, scans, site_map, free_space)
+        found = extend(found, scans, site_map, free_space)
         marks.append(time.process_time())
-        found = found.thinned()
+        n_placed, found = found.size, found.thinned()
         weigh = PlaceLikelihood(found, free_space)
         begun = time.process_time()
         for scan in scans[:: max(1, size // QUERIES)]:
@@ -67,7 +68,11 @@ def main() -> int:
                 weigh(sighting)
         each_ms = 1e3 * (time.process_time() - begun) / len(scans[:: max(1, size // QUERIES)])
         spent = [later - before for before, later in pairwise(marks)]
-        print(f"{size:>6}", *(f"{seconds:11.1f}" for seconds in (*spent, each_ms)), flush=True)
+        print(
+            f"{size:>6} {n_placed:>6}",
+            *(f"{seconds:11.1f}" for seconds in (*spent, each_ms)),
+            flush=True,
+        )
     return 0
 
 

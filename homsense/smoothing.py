@@ -103,14 +103,15 @@ def extend(
     free_space: FreeSpace,
     seed: int = 0,
 ) -> RegisteredComplex:
-    """Let walks that a registered crowd did not have join it, each on its own.
+    """Let walks that a registered crowd does not have join it, each on its own.
 
     Parameters
     ----------
     found : RegisteredComplex
         The crowd.
     scans : sequence of WalkScan
-        What the complex was made of, then the scans of new walks.
+        What the complex was made of and the scans of other walks; where each of those that it
+        has stands is kept.
     site_map : SiteMap
         The map.
     free_space : FreeSpace

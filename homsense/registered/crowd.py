@@ -105,6 +105,29 @@ class Crowd:
             np.array([source for *_, source in kept], np.int64),
         )
 
+    def few(self, most: int) -> Self:
+        """Return every second, third... walk, so that there are no more scans than wanted.
+
+        Parameters
+        ----------
+        most : int
+            Wanted, in walks of equal length.
+
+        Returns
+        -------
+        Crowd
+            All walks where they are few.
+        """
+        every = max(1, -(-self.size // most))
+        kept = np.flatnonzero(self.walk % every == 0)
+        return type(self)(
+            self.walk[kept] // every,
+            self.own_xy[kept],
+            self.t_s[kept],
+            tuple(self.signatures[scan] for scan in kept.tolist()),
+            self.source[kept],
+        )
+
     @property
     def size(self) -> int:
         """Number of scans."""

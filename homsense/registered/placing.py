@@ -29,6 +29,9 @@ BoolArray = NDArray[np.bool_]
 
 GROUND_SD_M = 3.0
 PLAUSIBLE_M = 1.0
+MOST_LAID_OUT = 10_000
+"""Scans at once; `homsense.extend` lets the others join."""
+
 STAGES = ("heard", "compared", "laid out", "registered", "settled")
 _MIRROR = np.array([-1.0, 1.0])
 
@@ -62,7 +65,7 @@ class LaidOutCrowd:
         neighbors: int = NEIGHBORS,
         on_stage: Callable[[str], None] = lambda _stage: None,
     ) -> Self:
-        """Lay a crowd out.
+        """Lay a crowd out, or of a large one some of its walks.
 
         Parameters
         ----------
@@ -86,7 +89,7 @@ class LaidOutCrowd:
             If the crowd is too small to be laid out.
         """
         rule = hearing or Hearing()
-        crowd = Crowd.of(scans, rule)
+        crowd = Crowd.of(scans, rule).few(MOST_LAID_OUT)
         on_stage("heard")
         like = likeness(crowd, neighbors)
         on_stage("compared")
@@ -170,7 +173,7 @@ def register_crowd(
     rotation_sd_rad: float | None = None,
     on_stage: Callable[[str], None] = lambda _stage: None,
 ) -> RegisteredComplex:
-    """Lay a crowd out and place it on a map, without any label.
+    """Lay a crowd out, of a large one some walks, and place it on a map without any label.
 
     Parameters
     ----------
@@ -190,7 +193,7 @@ def register_crowd(
     Returns
     -------
     RegisteredComplex
-        Of the scans that hang together.
+        Of the scans that hang together, of no more than `MOST_LAID_OUT` or so.
 
     Raises
     ------

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import homsense
-from homsense.registered.placing import STAGES
+from homsense.registered.placing import MOST_LAID_OUT, STAGES
 from homsense_service.background import GROWN, Background, Builder, Words
 from homsense_service.errors import RegistrationFailedError, RegistrationPendingError
 from homsense_service.records import StoredScan
@@ -181,6 +181,8 @@ def _register(
     ]
     best = min(tried, key=lambda one: one.registration.cost_m)
     found = homsense.smooth(best, scans, version.site_map, question.reachable)
+    if len(scans) > MOST_LAID_OUT:
+        found = homsense.extend(found, scans, version.site_map, question.reachable)
     reached("smoothed")
     return _registered(question, scans, found, len(scans))
 

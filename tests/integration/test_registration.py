@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import httpx
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 from fastapi.testclient import TestClient
 from homsense_client import Client, Floors, Registration
+from homsense_service import registering
 from homsense_service.app import create_app
 from homsense_service.settings import Settings
 from shapely.affinity import scale
@@ -20,6 +22,7 @@ from shapely.geometry import mapping, shape
 from support.corridors import Building
 
 from homsense import Reading, WalkScan
+from homsense.registered import placing
 
 SITE = "/v1/sites/floor"
 BUILDING = Building.of(0)
@@ -201,6 +204,23 @@ def test_the_sdk_tells_of_the_registration(floor: TestClient) -> None:
     told = Registration.from_json(ready(floor))
     assert told.placed is not None
     assert told.placed.placements[0].cost_m == told.placed.cost_m
+
+
+def test_of_a_large_crowd_some_walks_are_laid_out_and_the_others_join(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    crowd = [posted(scan) for scan in BUILDING.crowd(10, 40)]
+    most = len(crowd) // 2
+    monkeypatch.setattr(placing, "MOST_LAID_OUT", most)
+    monkeypatch.setattr(registering, "MOST_LAID_OUT", most)
+    with TestClient(create_app(Settings(data=tmp_path, cell_m=1.0))) as api:
+        api.put(SITE, json={"wall_tolerance_m": 1.0})
+        api.put(f"{SITE}/map", json=map_document())
+        for first in range(0, len(crowd), 500):
+            api.post(f"{SITE}/scans", json={"scans": crowd[first : first + 500]})
+        api.post(f"{SITE}/registration")
+        placed = ready(api)["placed"]
+    assert placed["scans"] > 0.8 * len(crowd) > most
 
 
 def test_new_walks_join_until_a_device_is_deleted(floor: TestClient) -> None:

@@ -127,6 +127,17 @@ def test_scans_may_come_in_any_order_and_each_stage_is_told() -> None:
     assert np.array_equal(found.xy, again.xy)
 
 
+@pytest.mark.parametrize("most", [1, 100, 333, 10_000])
+def test_of_a_large_crowd_some_whole_walks_are_laid_out(most: int) -> None:
+    crowd = Crowd.of(Building.of(0).crowd(10, 40))
+    few = crowd.few(most)
+    chosen = np.isin(crowd.source, few.source)
+    assert not set(crowd.walk[chosen].tolist()) & set(crowd.walk[~chosen].tolist())
+    assert set(few.walk.tolist()) == set(range(few.n_walks))
+    longest = np.bincount(crowd.walk).max()
+    assert min(most, crowd.size) / 2 - longest <= few.size <= most + longest
+
+
 def test_a_layout_is_the_crowd_up_to_similarity() -> None:
     building = Building.of(1)
     pairs = list(building.crowd_with_truth(11, 40))
