@@ -5,7 +5,6 @@ the younger one becomes a part of the elder when its saddle is high (ToMATo: Cha
 Skraba 2013).
 """
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -25,8 +24,7 @@ RADIUS_BINS = 256
 ACCURACY_SHARE = 0.68
 
 
-@dataclass(frozen=True, slots=True)
-class Mode:
+class Mode(NamedTuple):
     """One hypothesis about the pose.
 
     Parameters
@@ -218,7 +216,7 @@ def modes(found: Moments, corner: FloatArray) -> tuple[Mode, ...]:
     variance[:, [0, 3]] = np.maximum(variance[:, [0, 3]], 0.0)
     order = np.argsort(-mass, kind="stable")
     order = order[mass[order] > 0.0]
-    covariance = variance.reshape(-1, 2, 2)
+    covariance = variance[order].reshape(-1, 2, 2)
     columns = (
         mass / total,
         x + corner[0],
@@ -229,9 +227,9 @@ def modes(found: Moments, corner: FloatArray) -> tuple[Mode, ...]:
     )
     rows = np.stack(columns, axis=1)[order].tolist()
     return tuple(
-        Mode(weight, east, north, covariance[mode], heading, resultant, accuracy_m)
-        for mode, (weight, east, north, heading, resultant, accuracy_m) in zip(
-            order, rows, strict=True
+        Mode(weight, east, north, spread, heading, resultant, accuracy_m)
+        for spread, (weight, east, north, heading, resultant, accuracy_m) in zip(
+            covariance, rows, strict=True
         )
     )
 
