@@ -161,21 +161,21 @@ class SiteRegistry:
     def expire(self) -> None:
         """Forget the scans that are older than all epochs that count, in the logs too."""
         for site in self.all():
-            if not self._has_expired(site):
+            first_s = self._first_that_counts_s(site)
+            if first_s is None or first_s == self._expired.get(site.name):
                 continue
             with site.writing:
                 site.catch_up(self._clock())
-            if self._store.expire_scans(site.name, self._expired[site.name]):
+            if self._store.expire_scans(site.name, first_s):
                 self.keep_checkpoint(site)
+            self._expired[site.name] = first_s
 
-    def _has_expired(self, site: Site) -> bool:
-        """Tell, once, that an epoch no longer counts."""
+    def _first_that_counts_s(self, site: Site) -> float | None:
+        """Return when the first epoch that still counts began; None where all count."""
         if site.config.retention is None:
-            return False
+            return None
         length_s, count = site.config.retention
-        first_s = (self._clock() // length_s + 1 - count) * length_s
-        before_s, self._expired[site.name] = self._expired.get(site.name), first_s
-        return before_s != first_s
+        return (self._clock() // length_s + 1 - count) * length_s
 
     def keep_checkpoint(self, site: Site) -> None:
         """Keep what a site has made of its scans so far."""

@@ -79,17 +79,17 @@ def delete_scans(
     The checkpoint that they are in goes too.
     """
     of_site = site_number(connection, site)
-    deleted = connection.execute(statement, (of_site, value)).rowcount
+    deleted = connection.execute(f"{statement} RETURNING readings", (of_site, value)).fetchall()
     if deleted:
-        heard: set[int] = set()
-        for (body,) in connection.execute("SELECT readings FROM scan WHERE site = ?", (of_site,)):
-            heard.update(landmark_numbers(body))
-        known = connection.execute("SELECT number FROM landmark WHERE site = ?", (of_site,))
-        gone = [row for row in known.fetchall() if row[0] not in heard]
-        connection.executemany("DELETE FROM landmark WHERE number = ?", gone)
+        gone = {number for (body,) in deleted for number in landmark_numbers(body)}
+        left = connection.execute("SELECT readings FROM scan WHERE site = ?", (of_site,))
+        while gone and (row := left.fetchone()):
+            gone.difference_update(landmark_numbers(row[0]))
+        left.close()
+        connection.executemany("DELETE FROM landmark WHERE number = ?", [(name,) for name in gone])
         connection.execute("DELETE FROM checkpoint WHERE site = ?", (of_site,))
         landmarks.forget(of_site)
-    return deleted
+    return len(deleted)
 
 
 def checkpoint(connection: sqlite3.Connection, site: str) -> Checkpoint | None:
