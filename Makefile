@@ -61,6 +61,7 @@ bench: $(READY) .venv-peers/.ready ## compare with peers in the same run; writes
 	$(BIN)/python benchmarks/load.py
 	$(BIN)/python benchmarks/streaming.py
 	$(BIN)/python benchmarks/startup.py
+	$(BIN)/python benchmarks/registered_growth.py
 
 format: $(READY) ## format and mend what can be mended
 	$(BIN)/ruff format .
