@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from homsense.adaptive import KldSampling
 from homsense.configuration import LocalizerConfig
 from homsense.free_space import FreeSpace
 from homsense.localizer import Localizer
@@ -91,7 +92,7 @@ def smooth(
             START_SHARE * found.reach_m,
             HeadingPrior(_turned(own_xy, xy[which]), HEADING_RAD),
         )
-        localizer = _localizer(place.without(walk), site_map, start, PARTICLES)
+        localizer = _localizer(place.without(walk), site_map, start)
         xy[which] = _tracks(localizer, place.complex, made, rng).mean(axis=1)
     return replace(found, xy=xy)
 
@@ -131,7 +132,7 @@ def extend(
     source = others[crowd.source]
     rotation = found.registration.placements[0].rotation_rad
     start = UniformPrior(HeadingPrior(rotation, HEADING_RAD))
-    localizer = _localizer(place, site_map, start, NEWCOMER_PARTICLES)
+    localizer = _localizer(place, site_map, start, KldSampling(PARTICLES, NEWCOMER_PARTICLES))
     xy, known = np.empty((crowd.size, 2)), np.zeros(crowd.size, np.bool_)
     for walk in range(crowd.n_walks):
         which = np.flatnonzero(crowd.walk == walk)
@@ -150,9 +151,15 @@ def extend(
 
 
 def _localizer(
-    place: PlaceLikelihood, site_map: SiteMap, start: Prior, particles: int
+    place: PlaceLikelihood, site_map: SiteMap, start: Prior, adaptive: KldSampling | None = None
 ) -> Localizer:
-    config = LocalizerConfig(particles=particles, prior=start, recovery=None, weigh_every_m=0.0)
+    config = LocalizerConfig(
+        particles=adaptive.most if adaptive else PARTICLES,
+        prior=start,
+        recovery=None,
+        adaptive=adaptive,
+        weigh_every_m=0.0,
+    )
     return Localizer(site_map, [], config, free_space=place.code_map.free_space, likelihood=place)
 
 
