@@ -20,7 +20,7 @@ HEARINGS = (homsense.Hearing(), homsense.Hearing(weakest_dbm=-95.0))
 _WORDS = Words(
     "the crowd is being registered",
     "the crowd cannot be registered",
-    len(STAGES) * len(HEARINGS) + 1,
+    len(STAGES) * len(HEARINGS) + 2,
     RegistrationPendingError,
     RegistrationFailedError,
 )
@@ -181,9 +181,10 @@ def _register(
     ]
     best = min(tried, key=lambda one: one.registration.cost_m)
     found = homsense.smooth(best, scans, version.site_map, question.reachable)
+    reached("smoothed")
     if len(scans) > MOST_LAID_OUT:
         found = homsense.extend(found, scans, version.site_map, question.reachable)
-    reached("smoothed")
+    reached("joined")
     return _registered(question, scans, found, len(scans))
 
 
