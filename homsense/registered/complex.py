@@ -24,7 +24,9 @@ IntArray = NDArray[np.int64]
 LEVELS = np.array([0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6])
 RINGS = np.array([0.2, 0.4, 0.6, 0.8, 1.0, 1.25, 1.6, 2.0, 2.6, 4.0])
 FAR_RINGS = 2
-COVERED_SHARE = 0.5
+COVERED_SHARE = 0.4
+"""Of the reach: how near to a scan the crowd has been."""
+
 ENOUGH = 100
 """Scans on a square of one reach."""
 
@@ -182,7 +184,7 @@ class RegisteredComplex:
         Returns
         -------
         ndarray, shape (N,), bool
-            True within half a reach of a scan.
+            True within `COVERED_SHARE` of the reach from a scan.
         """
         apart, _ = self._tree.query(xy, distance_upper_bound=COVERED_SHARE * self.reach_m)
         return np.isfinite(apart)

@@ -241,9 +241,10 @@ def table(rows: Sequence[Row], plan: Plan) -> Table:
             "run, last fifth: median / 90 % of the error; final: median over the last 300 m, its "
             "median over the runs; <: share of the runs by that, %; found: way after which it is "
             "below 25 m for 100 m; in: share of the steps with the truth in the region, %; "
-            "unmapped: share of the steps where no crowd has been whose status says so, %; p: "
-            "sign test that the sensor above beats the control; walks: median over the walks of "
-            "the median error of each, how many end within 15 m, how many beat each control"
+            "unmapped: share of the steps where no crowd has been, and of those where one has, "
+            "whose status says that it has not, %; p: sign test that the sensor above beats the "
+            "control; walks: median over the walks of the median error of each, how many end "
+            "within 15 m, how many beat each control"
         ),
     )
     for heading in HEADINGS:
@@ -288,7 +289,10 @@ def _cells(found: Score) -> Iterator[str]:
     yield _percents(found.within_15_m, found.within_25_m, found.within_50_m)
     yield "never" if found.converged_m is None else f"{found.converged_m:.0f}"
     yield _percents(found.coverage_50, found.coverage_90, found.coverage_95)
-    yield "" if found.told_unmapped is None else _percents(found.told_unmapped)
+    if found.told_unmapped is None:
+        yield ""
+    else:
+        yield _percents(found.told_unmapped, found.wrongly_unmapped or 0.0)
 
 
 def _percents(*shares: float) -> str:

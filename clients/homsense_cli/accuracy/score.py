@@ -37,6 +37,8 @@ class Score:
         never get there, metres.
     told_unmapped : float, optional
         Share of the steps where the crowd has not been whose status says so.
+    wrongly_unmapped : float, optional
+        Share of the steps where the crowd has been whose status says the same.
     coverage_50, coverage_90, coverage_95 : float
         Share of the steps with the truth inside the region.
     """
@@ -52,6 +54,7 @@ class Score:
     within_50_m: float
     converged_m: float | None
     told_unmapped: float | None
+    wrongly_unmapped: float | None
     coverage_50: float
     coverage_90: float
     coverage_95: float
@@ -162,17 +165,21 @@ def score(tracks: Sequence[Track]) -> Score:
         within_25,
         within_50,
         converged if math.isfinite(converged) else None,
-        _told_unmapped(tracks),
+        *_told_unmapped(tracks),
         in_50,
         in_90,
         in_95,
     )
 
 
-def _told_unmapped(tracks: Sequence[Track]) -> float | None:
+def _told_unmapped(tracks: Sequence[Track]) -> tuple[float | None, float | None]:
+    """Return how often unmapped is told where nobody has been, and where somebody has."""
     covered = np.concatenate([track.is_covered for track in tracks])
     told = np.concatenate([track.told_unmapped for track in tracks])
-    return None if covered.all() else float(told[~covered].mean())
+    return (
+        None if covered.all() else float(told[~covered].mean()),
+        float(told[covered].mean()) if covered.any() else None,
+    )
 
 
 def final_medians(tracks: Sequence[Track]) -> np.ndarray[Any, np.dtype[np.float64]]:

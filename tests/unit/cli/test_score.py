@@ -65,11 +65,12 @@ def test_each_walk_counts_once_by_the_median_over_its_seeds() -> None:
 
 def test_what_is_told_where_nobody_has_been() -> None:
     track = replace(
-        _track([5.0] * 4),
-        is_covered=np.array([True, False, False, True]),
-        told_unmapped=np.array([True, True, False, False]),
+        _track([5.0] * 6),
+        is_covered=np.array([True, False, False, True, True, True]),
+        told_unmapped=np.array([True, True, False, False, False, False]),
     )
-    assert score([track]).told_unmapped == 0.5
+    found = score([track])
+    assert (found.told_unmapped, found.wrongly_unmapped) == (0.5, 0.25)
     assert score([_track([5.0] * 4)]).told_unmapped is None
 
 
