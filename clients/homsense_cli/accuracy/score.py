@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from scipy.stats import binomtest
+from scipy.special import bdtrc
 
 from homsense_cli.accuracy.run import Track
 
@@ -204,7 +204,7 @@ def sign_test(tracks: Sequence[Track], control: Sequence[Track]) -> float:
     better, different = int(np.sum(ours < theirs)), int(np.sum(ours != theirs))
     if not different:
         return 1.0
-    return float(binomtest(better, different, alternative="greater").pvalue)
+    return float(bdtrc(better - 1, different, 0.5))
 
 
 def _last(track: Track) -> int:
