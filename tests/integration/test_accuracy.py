@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from accuracy_gate import finals
 from homsense_cli.__main__ import app
+from support.builders import feature, local_map, square
 from typer.testing import CliRunner
 
 REFERENCE = json.loads((Path(__file__).parent / "accuracy_gate.json").read_text())
@@ -23,8 +24,12 @@ def test_accuracy_has_not_dropped() -> None:
 
 
 def test_the_bench_writes_what_it_measures(tmp_path: Path) -> None:
-    arguments = ["bench", "accuracy", "--runs", "2", "--length-m", "200", "--phones", "8"]
-    arguments += ["--hops", "2", "--hops", "3", "--particles", "1000", "--out", str(tmp_path)]
+    blocks = [feature(square(x, y, 25)) for x in (20, 75, 130) for y in (20, 75, 130)]
+    (tmp_path / "blocks.json").write_text(json.dumps(local_map(*blocks)))
+    arguments = ["bench", "accuracy", "--city", str(tmp_path / "blocks.json")]
+    arguments += ["--transmitters", "40", "--s-max-m", "40", "--phones", "8"]
+    arguments += ["--runs", "2", "--length-m", "100", "--particles", "1000"]
+    arguments += ["--hops", "2", "--hops", "3", "--out", str(tmp_path)]
     result = runner.invoke(app, arguments)
     assert result.exit_code == 0, result.output
     (row,) = json.loads((tmp_path / "accuracy.json").read_text())["rows"]
