@@ -43,7 +43,7 @@ def _ready(api: TestClient, scans: int = 0) -> dict[str, Any]:
 @pytest.fixture(scope="module")
 def town(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
     """Return a service with a mapped downtown."""
-    settings = Settings(data=tmp_path_factory.mktemp("data"))
+    settings = Settings(data=tmp_path_factory.mktemp("data"), cell_m=4.0)
     with TestClient(create_app(settings)) as api:
         api.put(SITE, json={})
         api.put(f"{SITE}/map", json=WORLD.map_document())
