@@ -149,9 +149,9 @@ class RegisteredComplex:
         order = np.argsort(of_square, kind="stable")
         rank = np.empty(self.size, np.int64)
         rank[order] = np.arange(self.size) - np.repeat(np.cumsum(counts) - counts, counts)
-        number = counts[of_square]
-        every = np.maximum(number, enough)
-        return self.of((rank + 1) * enough // every > rank * enough // every)
+        # of n on a square, the k-th stays where k * enough / n passes a whole number
+        n = np.maximum(counts[of_square], enough)
+        return self.of((rank + 1) * enough // n > rank * enough // n)
 
     def sighting(self, readings: Iterable[Reading]) -> Sighting | None:
         """Compare a scan with the crowd.
