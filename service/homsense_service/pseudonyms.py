@@ -36,7 +36,7 @@ class Pseudonyms:
         if self.secret is None:
             return readings
         return tuple(
-            replace(r, landmark=self._hashed("landmark", canonical(r.landmark, landmark_key)))
+            r._replace(landmark=self._hashed("landmark", canonical(r.landmark, landmark_key)))
             for r in readings
         )
 

@@ -83,8 +83,7 @@ class SiteConfig:
         return self.hops or NEAR_AND_FAR
 
 
-@dataclass(frozen=True, slots=True)
-class StoredReading:
+class StoredReading(NamedTuple):
     """One landmark of a stored scan: identifier, strength and age as the device gave them."""
 
     landmark: str

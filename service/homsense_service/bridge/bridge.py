@@ -101,6 +101,8 @@ class Bridge:
             self._events.tell,
             self._devices.forget,
         )
+        kinds = ("motion", *METHODS)
+        self._counts = {kind: house.metrics.inputs.labels(kind) for kind in kinds}
         self._listeners: dict[str, Callable[[Device, bytes], None]] = {}
         house.streams.listeners.append(self._publish)
         self._token = network.liveliness().declare_token(keys.service(str(network.zid())))
@@ -125,14 +127,14 @@ class Bridge:
         return Device(binding, self._desk, output, presence)
 
     def _on_motion(self, sample: zenoh.Sample) -> None:
-        self._house.metrics.inputs.labels("motion").inc()
+        self._counts["motion"].inc()
         found = self._admitted(sample)
         if found is not None:
             device, stamp = found
             device.move(stamp.number, str(sample.encoding), sample.payload.to_bytes())
 
     def _on_scan(self, sample: zenoh.Sample) -> None:
-        self._house.metrics.inputs.labels("scan").inc()
+        self._counts["scan"].inc()
         found = self._admitted(sample)
         if found is not None:
             device, stamp = found
@@ -185,7 +187,7 @@ class Bridge:
         if request.method not in METHODS or name is None:
             message = f"{request.key} is no request of a device: {', '.join(METHODS)}"
             raise MethodNotFoundError(message)
-        self._house.metrics.inputs.labels(request.method).inc()
+        self._counts[request.method].inc()
         if request.method == "open":
             self._house.rate_limit.hit(f"device {name}")
             self._check_size(len(request.payload))

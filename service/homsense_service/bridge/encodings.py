@@ -44,6 +44,10 @@ class TimedDelta(schemas.DeltaIn):
 
     dt_s: float = Field(default=0.0, ge=0, le=1e6)
 
+    def to_delta(self) -> homsense.Delta:
+        """Return the value."""
+        return super().to_delta()._replace(dt_s=self.dt_s)
+
 
 class MotionIn(schemas.Wire):
     """Motion as JSON."""
@@ -123,14 +127,10 @@ def motion_before(wire: MotionIn, first: int) -> Moving | None:
     if wire.imu:
         return Readings(first, tuple(sample.to_sample() for sample in wire.imu))
     given = [delta.to_delta() for delta in wire.deltas]
-    covariances = [_covariance(delta) for delta in given]
-    stated = [c for c in covariances if c is not None]
-    return Deltas(
-        first,
-        np.array([delta[:3] for delta in given]),
-        np.array([delta.dt_s for delta in wire.deltas]),
-        np.array(stated) if len(stated) == len(given) else None,
-    )
+    rows = np.array([delta[:4] for delta in given])
+    stated = [c for c in map(_covariance, given) if c is not None]
+    covariances = np.array(stated) if len(stated) == len(given) else None
+    return Deltas(first, rows[:, :3], rows[:, 3], covariances)
 
 
 def particles_of(poses: FloatArray) -> bytes:

@@ -6,6 +6,7 @@ from typing import NamedTuple
 VERSION = "@v1"
 METHODS = ("open", "scan", "steps", "last", "close")
 DEVICE = r"[A-Za-z0-9_.-]{1,64}"
+_OF_DEVICE = re.compile(rf"/{VERSION}/(?:dev|alive)/({DEVICE})(?:/[^*]*)?")
 
 
 def is_device(name: str) -> bool:
@@ -61,8 +62,7 @@ class KeySpace(NamedTuple):
 
     def device_of(self, key: str) -> str | None:
         """Return the device that a key is of; None unless it names exactly one."""
-        for before in (f"{self.root}/dev/", f"{self.root}/alive/"):
-            if key.startswith(before):
-                name = key.removeprefix(before).partition("/")[0]
-                return name if is_device(name) and "*" not in key else None
-        return None
+        if not key.startswith(self.prefix):
+            return None
+        found = _OF_DEVICE.fullmatch(key, len(self.prefix))
+        return None if found is None else found[1]

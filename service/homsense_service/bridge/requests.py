@@ -43,14 +43,10 @@ class Request:
 
     def __init__(self, query: zenoh.Query) -> None:
         self._query, self._key = query, str(query.key_expr)
+        self.method = self._key.rpartition("/")[2]
         payload, attachment = query.payload, query.attachment
         self.payload = b"" if payload is None else payload.to_bytes()
         self.attachment = None if attachment is None else attachment.to_bytes()
-
-    @property
-    def method(self) -> str:
-        """What is asked for."""
-        return self._key.rpartition("/")[2]
 
     @property
     def key(self) -> str:
