@@ -8,8 +8,8 @@ from homsense.errors import InvalidInputError
 from homsense.free_space import FreeSpace
 from homsense.registered.complex import RegisteredComplex
 from homsense.registered.crowd import WalkScan
+from homsense.registered.matching import M_PER_NAT
 from homsense.registered.placing import LaidOutCrowd
-from homsense.registered.registration import M_PER_NAT
 from homsense.registered.similarity import Hearing
 
 

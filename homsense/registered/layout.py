@@ -27,6 +27,7 @@ REST_SHARE = 0.66
 EDGES_DEPEND = 2.0
 TOGETHER_ROUNDS, LAY_OUT_ROUNDS = 5, 14
 SETTLE_ROUNDS = 8
+PART_SHARE = 0.2
 _FIRST_TOLERANCE, _TIGHTER, _LAST_TOLERANCE = 12.0, 0.6, 2.5
 _HARDLY = 1e-4
 
@@ -160,7 +161,7 @@ def settle(
     return state
 
 
-def largest_part(crowd: Crowd, like: Likeness) -> BoolArray:
+def parts(crowd: Crowd, like: Likeness) -> IntArray:
     """Tell which scans hang together.
 
     Parameters
@@ -172,14 +173,18 @@ def largest_part(crowd: Crowd, like: Likeness) -> BoolArray:
 
     Returns
     -------
-    ndarray, shape (N,), bool
-        True in the largest connected part.
+    ndarray, shape (N,), int64
+        Connected part of each scan, 0 for the largest; -1 for those of less than `PART_SHARE` of
+        the scans, which fit into too many places.
     """
     steps = crowd.steps
     first, second = np.append(steps, like.first), np.append(steps + 1, like.second)
     joined = sparse.coo_array((np.ones(len(first)), (first, second)), (crowd.size, crowd.size))
     _, part = connected_components(joined, directed=False)
-    return np.asarray(part == np.bincount(part).argmax())
+    sizes = np.bincount(part)
+    rank = np.argsort(np.argsort(-sizes, kind="stable"))
+    is_placed = (rank == 0) | (sizes >= PART_SHARE * crowd.size)
+    return np.where(is_placed, rank, -1)[part]
 
 
 def _edge_sd(like: Likeness) -> FloatArray:

@@ -12,20 +12,14 @@ from homsense.errors import InvalidInputError
 from homsense.free_space import FreeSpace
 from homsense.registered.complex import RegisteredComplex
 from homsense.registered.crowd import NEIGHBORS, Crowd, Likeness, WalkScan, likeness
-from homsense.registered.layout import Layout, Pull, largest_part, lay_out, settle
-from homsense.registered.registration import (
-    DISTINCT_M,
-    Ground,
-    Placement,
-    Registration,
-    apart,
-    register,
-    unlikely_m,
-)
+from homsense.registered.ground import Ground
+from homsense.registered.layout import Layout, Pull, lay_out, parts, settle
+from homsense.registered.matching import Placement, unlikely_m
+from homsense.registered.registration import DISTINCT_M, Registration, apart, register
 from homsense.registered.similarity import Hearing
 
 FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.int64]
 
 GROUND_SD_M = 3.0
 PLAUSIBLE_M = 1.0
@@ -121,20 +115,20 @@ class LaidOutCrowd:
         Returns
         -------
         RegisteredComplex
-            Of the scans that hang together.
+            Of the parts that can be placed.
         """
-        part = self._part
-        shape = self.layout.xy[part]
-        tried = register(shape, free_space, rotation_sd_rad)
-        (mirrored,) = register(shape * _MIRROR, free_space, thorough=False)
-        best_m = min(placement.cost_m for placement in tried)
+        kept = self._part >= 0
+        shape, part = self.layout.xy[kept], self._part[kept]
+        tried = register(shape, part, free_space, rotation_sd_rad)
+        ((mirrored, _),) = register(shape * _MIRROR, part, free_space, thorough=False)
+        best_m = min(placement.cost_m for placement, _ in tried)
         on_stage("registered")
         ground = Ground.of(free_space)
         settled: list[tuple[Placement, FloatArray]] = []
-        for placement in tried:
+        for placement, offset in tried:
             if placement.cost_m > best_m + PLAUSIBLE_M:
                 continue
-            xy = self._settled(placement, ground)[part]
+            xy = self._settled(placement, offset, ground)[kept]
             unlikely = unlikely_m(placement.rotation_rad, placement.scale, rotation_sd_rad)
             settled.append((placement._replace(cost_m=ground.mismatch_m(xy) + unlikely), xy))
         settled.sort(key=lambda pair: pair[0].cost_m)
@@ -142,23 +136,24 @@ class LaidOutCrowd:
         on_stage("settled")
         return RegisteredComplex(
             self.hearing,
-            self.crowd.walk[part],
+            self.crowd.walk[kept],
             settled[0][1],
-            tuple(heard for heard, kept in zip(self.crowd.signatures, part, strict=True) if kept),
+            tuple(self.crowd.signatures[scan] for scan in np.flatnonzero(kept).tolist()),
             self.like.radio.reach_m,
             Registration(
                 tuple(settled[number][0] for number in distinct), mirrored.cost_m - best_m
             ),
-            self.crowd.source[part],
+            self.crowd.source[kept],
         )
 
     @cached_property
-    def _part(self) -> BoolArray:
-        return largest_part(self.crowd, self.like)
+    def _part(self) -> IntArray:
+        return parts(self.crowd, self.like)
 
-    def _settled(self, placement: Placement, ground: Ground) -> FloatArray:
+    def _settled(self, placement: Placement, offset: FloatArray, ground: Ground) -> FloatArray:
         turned = self.layout.heading + placement.rotation_rad
-        placed = Layout(placement.place(self.layout.xy), turned, self.layout.log_step)
+        moved = self.layout.xy + offset[self._part]
+        placed = Layout(placement.place(moved), turned, self.layout.log_step)
         return settle(
             self.crowd, self.like, placed, lambda xy: Pull(ground.nearest(xy), GROUND_SD_M)
         ).xy
@@ -193,7 +188,7 @@ def register_crowd(
     Returns
     -------
     RegisteredComplex
-        Of the scans that hang together, of no more than `MOST_LAID_OUT` or so.
+        Of the parts that can be placed, of no more than `MOST_LAID_OUT` or so.
 
     Raises
     ------

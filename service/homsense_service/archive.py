@@ -15,7 +15,8 @@ import numpy as np
 
 import homsense
 from homsense.grid import Grid
-from homsense.registered.registration import Placement, Registration
+from homsense.registered.matching import Placement
+from homsense.registered.registration import Registration
 from homsense_service.bundles import bundled, unbundled
 from homsense_service.records import tupled
 from homsense_service.registering import Registered

@@ -62,7 +62,7 @@ class Registered:
     scans : int
         How many there were, with tracks.
     complex : homsense.RegisteredComplex
-        Those that hang together, with places.
+        Those that have a place.
     likelihood : homsense.PlaceLikelihood
         Of a scan, over the map; of as many of them as are of use.
     coverage : float

@@ -40,7 +40,7 @@ class PlacedOut(FitOut):
     laid_out: int = Field(
         description="Those when the crowd was last laid out as a whole; the others have joined it."
     )
-    scans: int = Field(description="Those that hang together and have a place.")
+    scans: int = Field(description="Those that have a place.")
     walks: int
     reach_m: float = Field(description="Distance over which scans hear alike, metres.")
     weakest_dbm: float = Field(description="Weakest strength that counted.")

@@ -1,6 +1,7 @@
 """A crowd without labels finds its place on the map, and devices find theirs among the crowd."""
 
 import math
+from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 
@@ -33,12 +34,12 @@ from homsense import (
 )
 from homsense.backend import NUMPY, compiled
 from homsense.likelihood import CodeLikelihood
-from homsense.registered.crowd import Crowd, likeness
-from homsense.registered.layout import largest_part, lay_out
+from homsense.registered.crowd import Crowd, Likeness, likeness
+from homsense.registered.layout import lay_out, parts
 from homsense.registered.placing import STAGES
 from homsense.registered.registration import register
 
-BLOCK_M = 3.0
+BLOCK_M, MIDDLE_M = 3.0, 75.0
 
 
 @cache
@@ -143,7 +144,7 @@ def test_a_layout_is_the_crowd_up_to_similarity() -> None:
     pairs = list(building.crowd_with_truth(11, 40))
     crowd = Crowd.of(scan for scan, _ in pairs)
     like = likeness(crowd)
-    part = largest_part(crowd, like)
+    part = parts(crowd, like) == 0
     truth = np.array([place for scan, place in pairs if Hearing().signature(scan.readings)])
     there, here = (
         xy[:, 0] + 1j * xy[:, 1] - (xy[:, 0] + 1j * xy[:, 1]).mean()
@@ -161,8 +162,35 @@ def test_a_placement_is_found_from_every_direction() -> None:
     for turn in (0.3, 1.7, 4.0):
         cos, sin = math.cos(turn), math.sin(turn)
         turned = truth @ np.array([[cos, sin], [-sin, cos]]) / 1.2 + (300.0, -40.0)
-        best = min(register(turned, building.free_space), key=lambda found: found.cost_m)
+        one = np.zeros(len(truth), np.int64)
+        tried = register(turned, one, building.free_space)
+        best, offset = min(tried, key=lambda found: found.placement.cost_m)
+        assert offset == pytest.approx(0.0)
         assert np.median(np.linalg.norm(best.place(turned) - truth, axis=1)) < 3.0
+
+
+def test_parts_that_never_hear_each_other_are_placed_together() -> None:
+    building = Building.of(2)
+    wings = [
+        (replace(scan, walk=f"{scan.walk} {place[0] > MIDDLE_M}"), place)
+        for scan, place in building.crowd_with_truth(10, 40)
+        if abs(place[0] - MIDDLE_M) > 8.0
+    ]
+    found = register_crowd([scan for scan, _ in wings], building.free_space, rotation_sd_rad=0.1)
+    truth = np.array([place for _, place in wings])[found.source]
+    error = np.linalg.norm(found.xy - truth, axis=1)
+    east = truth[:, 0] > MIDDLE_M
+    assert 0.2 < east.mean() < 0.8
+    assert found.size > 0.95 * len(wings)
+    assert max(np.median(error[east]), np.median(error[~east])) < 4.0
+
+
+def test_a_part_of_a_few_scans_is_left_out() -> None:
+    crowd = Crowd.of(Building.of(0).crowd(10, 12))
+    like = likeness(crowd)
+    kept = (crowd.walk[like.first] != 0) & (crowd.walk[like.second] != 0)
+    rest = Likeness(like.first[kept], like.second[kept], like.similarity[kept], like.radio)
+    assert np.array_equal(parts(crowd, rest) == -1, crowd.walk == 0)
 
 
 def test_a_scan_is_best_explained_near_where_it_was_made() -> None:
