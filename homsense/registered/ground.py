@@ -139,7 +139,16 @@ def nearness_m(cells: BoolArray, cell_m: float, cap_m: float) -> FloatArray:
     Returns
     -------
     ndarray, shape (rows, columns), float64
-        Metres, from 0 to the cap.
+        Metres, from 0 to the cap; 0 everywhere if there are none.
+
+    Examples
+    --------
+    >>> nearness_m(np.array([[True, False, False]]), 2.0, 3.0).tolist()
+    [[3.0, 1.0, 0.0]]
+    >>> nearness_m(np.zeros((1, 2), np.bool_), 2.0, 3.0).tolist()
+    [[0.0, 0.0]]
     """
+    if not cells.any():
+        return np.zeros(cells.shape)
     apart = cell_m * ndimage.distance_transform_edt(~cells)
     return np.maximum(cap_m - apart, 0.0)
