@@ -4,6 +4,7 @@ How similar two scans are at a distance is learnt once more from the registered 
 walks, so it allows for whatever is wrong with the places.
 """
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -30,7 +31,12 @@ COVERED_SHARE = 0.4
 ENOUGH = 100
 """Scans on a square of one reach."""
 
-MAPPED, HALF_MAPPED = 0.9, 0.5
+NEVER_SURE = 0.1
+"""Least share of the mass to reckon with where the crowd has been, and where it has not."""
+
+EVEN_ODDS = 0.5
+"""A pose is called unmapped when its coverage is less."""
+
 _MOST_SAMPLED = 1000
 _PRIOR_PAIRS = 0.5
 
@@ -49,29 +55,17 @@ class Sighting(NamedTuple):
     scan: tuple[int, ...]
     level: tuple[int, ...]
 
+    @property
+    def highest(self) -> int:
+        """The level of the most similar one; 0 if it resembles nothing."""
+        return max(self.level, default=0)
 
-def is_unmapped(status: str, coverage: float) -> bool:
-    """Tell whether a pose is best called unmapped.
 
-    Parameters
-    ----------
-    status : str
-        Of the pose without a crowd.
-    coverage : float
-        Share of its mass where the crowd has been.
+class _Learnt(NamedTuple):
+    """Pairs of scans of different walks by ring and level; scans by whether others were near."""
 
-    Returns
-    -------
-    bool
-        True when a place is told that hardly anybody has been to, or most of what is possible is
-        such a place.
-
-    Examples
-    --------
-    >>> is_unmapped("tracking", 0.8), is_unmapped("diffuse", 0.8), is_unmapped("diffuse", 0.2)
-    (True, False, True)
-    """
-    return coverage < (MAPPED if status in {"tracking", "ambiguous"} else HALF_MAPPED)
+    pairs: FloatArray
+    scans: FloatArray
 
 
 @dataclass(frozen=True)
@@ -204,22 +198,58 @@ class RegisteredComplex:
         """
         return np.searchsorted(RINGS * self.reach_m, apart_m, side="right")
 
+    def coverage(self, share: float, level: int | None) -> float:
+        """Return how likely the crowd has been where a device is.
+
+        Parameters
+        ----------
+        share : float
+            Of the mass of its pose, how much lies where the crowd has been.
+        level : int or None
+            The highest one of its last `Sighting`; None before the first.
+
+        Returns
+        -------
+        float
+            Bayes' rule: how much a scan resembles those of others where they have been, and where
+            they have not, is learnt from the crowd, walk by walk.
+        """
+        even = min(max(share, NEVER_SURE), 1.0 - NEVER_SURE)
+        nats = 0.0 if level is None else float(self._nats_of_coverage[level])
+        return 1.0 / (1.0 + (1.0 - even) / even * math.exp(-nats))
+
     @cached_property
     def nats(self) -> FloatArray:
         """Log-likelihood of each level in each ring, above that of the level far away.
 
         Shape (rings + 1, levels + 1).
         """
-        pairs = np.full((len(RINGS) + 1, len(LEVELS) + 1), _PRIOR_PAIRS)
-        for scan in range(0, self.size, max(1, self.size // _MOST_SAMPLED)):
-            others = self.walk != self.walk[scan]
-            found = self._index.similarities(self.signatures[scan])[others]
-            ring = self.ring(np.linalg.norm(self.xy[others] - self.xy[scan], axis=1))
-            cell = ring * pairs.shape[1] + np.searchsorted(LEVELS, found, side="right")
-            pairs += np.bincount(cell, minlength=pairs.size).reshape(pairs.shape)
+        pairs = self._learnt.pairs
         share = pairs / pairs.sum(axis=1, keepdims=True)
         above: FloatArray = np.log(share / share[-FAR_RINGS:].mean(axis=0))
         return above
+
+    @cached_property
+    def _nats_of_coverage(self) -> FloatArray:
+        scans = self._learnt.scans
+        elsewhere, near = np.log(scans / scans.sum(axis=1, keepdims=True))
+        above: FloatArray = near - elsewhere
+        return above
+
+    @cached_property
+    def _learnt(self) -> _Learnt:
+        pairs = np.full((len(RINGS) + 1, len(LEVELS) + 1), _PRIOR_PAIRS)
+        scans = np.full((2, len(LEVELS) + 1), _PRIOR_PAIRS)
+        for scan in range(0, self.size, max(1, self.size // _MOST_SAMPLED)):
+            others = self.walk != self.walk[scan]
+            found = self._index.similarities(self.signatures[scan])[others]
+            level = np.searchsorted(LEVELS, found, side="right")
+            apart = np.linalg.norm(self.xy[others] - self.xy[scan], axis=1)
+            cell = self.ring(apart) * pairs.shape[1] + level
+            pairs += np.bincount(cell, minlength=pairs.size).reshape(pairs.shape)
+            is_near = apart.min(initial=np.inf) <= COVERED_SHARE * self.reach_m
+            scans[int(is_near), level.max(initial=0)] += 1.0
+        return _Learnt(pairs, scans)
 
     @cached_property
     def _index(self) -> ScanIndex:

@@ -113,6 +113,7 @@ def snapshot(course: Course) -> Snapshot:
         "seq": fix.seq,
         "t": fix.t,
         "measured": _worth(fix.measured),
+        "level": fix.level,
         "seed": state.seed,
         "tick": state.tick,
         "travel": state.travel,
@@ -150,7 +151,7 @@ def resumed(kept: Snapshot, run: Run) -> Course | None:
             Doubt(*document["doubt"]),
         )
         measured = _measured(document["measured"])
-        fix = Fix(document["seq"], document["t"], measured, state, run)
+        fix = Fix(document["seq"], document["t"], measured, document["level"], state, run)
         own_motion = OwnMotion(homsense.Velocity(*document["velocity"]), document["heading_rad"])
         track = homsense.Travel(*document["track"])
     except (ValueError, TypeError, KeyError, OSError, EOFError, BadZipFile):

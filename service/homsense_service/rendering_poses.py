@@ -10,7 +10,7 @@ from shapely.geometry import mapping
 from shapely.geometry.base import BaseGeometry
 
 import homsense
-from homsense.registered.complex import is_unmapped
+from homsense.registered.complex import EVEN_ODDS
 from homsense_service import schemas
 from homsense_service.runs import Fix
 from homsense_service.schemas.poses import Status
@@ -29,7 +29,7 @@ def render_pose(session: Session, fix: Fix) -> schemas.PoseOut:
     top = modes[0]
     run = fix.run
     site_map = run.map_version.site_map
-    coverage = _coverage(run.sensor, pose)
+    coverage = _coverage(run.sensor, pose, fix.level)
     status = _status(fix, pose, coverage)
     known = status in ("ambiguous", "tracking")
     origin = None
@@ -67,8 +67,7 @@ def pose_json(session: Session, fix: Fix) -> bytes:
 def _status(fix: Fix, pose: homsense.PoseDistribution, coverage: float | None) -> Status:
     if fix.state.tick == 0:
         return "initializing"
-    status = pose.status
-    return "unmapped" if coverage is not None and is_unmapped(status, coverage) else status
+    return "unmapped" if coverage is not None and coverage < EVEN_ODDS else pose.status
 
 
 def _measurement(sensor: Sensor, measured: Measured | None) -> schemas.MeasurementOut | None:
@@ -81,13 +80,14 @@ def _measurement(sensor: Sensor, measured: Measured | None) -> schemas.Measureme
     )
 
 
-def _coverage(sensor: Sensor, pose: homsense.PoseDistribution) -> float | None:
-    """Return how much of the distribution lies where the crowd has been."""
+def _coverage(sensor: Sensor, pose: homsense.PoseDistribution, level: int | None) -> float | None:
+    """Return how likely the crowd has been where the device is."""
     if sensor.registered is None:
         return None
     some = pose.thinned(COVERAGE_SAMPLE)
     xy = np.stack([pose.particles.x_m[some], pose.particles.y_m[some]], axis=1, dtype=np.float64)
-    return float(sensor.registered.likelihood.covers(xy).mean())
+    likelihood = sensor.registered.likelihood
+    return likelihood.complex.coverage(float(likelihood.covers(xy).mean()), level)
 
 
 def render_session(session: Session) -> schemas.SessionOut:

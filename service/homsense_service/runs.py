@@ -68,6 +68,8 @@ class Fix:
         Time of the step as the device gave it, seconds.
     measured : Measured, optional
         The measurement that was used; none without a scan.
+    level : int, optional
+        How much the last scan resembles the crowd; none before the first.
     state : homsense.LocalizerState
         What the filter remembers.
     run : Run
@@ -77,6 +79,7 @@ class Fix:
     seq: int
     t: float | None
     measured: Measured | None
+    level: int | None
     state: homsense.LocalizerState
     run: Run
 
@@ -115,7 +118,7 @@ class Course:
     @classmethod
     def begun(cls, run: Run, seed: int) -> "Course":
         """Return a session before its first step."""
-        return cls(Fix(0, None, None, run.localizer.start(seed), run))
+        return cls(Fix(0, None, None, None, run.localizer.start(seed), run))
 
     def onward(
         self, step: Step, measured: Measured | None, backend: Callable[[], Backend]
@@ -150,7 +153,9 @@ class Course:
             if localizer is before.run.localizer
             else replace(before.run, localizer=localizer)
         )
-        fix = Fix(step.seq, step.t, measured, state, run)
+        sighting = None if measured is None else measured.sighting
+        level = before.level if sighting is None else sighting.highest
+        fix = Fix(step.seq, step.t, measured, level, state, run)
         return Course(fix, self.number + 1, own_motion, self.track.onward(delta))
 
     def moved(self, run: Run) -> "Course":

@@ -22,7 +22,7 @@ from homsense import (
     UniformPrior,
 )
 from homsense.likelihood import CodeLikelihood
-from homsense.registered.complex import is_unmapped
+from homsense.registered.complex import EVEN_ODDS
 from homsense.registered.place import LOST
 from homsense_cli.accuracy.legs import Leg, drive_through, shuffled, true_counts
 from homsense_cli.accuracy.scenario import Imu
@@ -232,19 +232,22 @@ def localize(scene: Scene, legs: Sequence[Leg], sensed: Sensed, seed: int, how: 
     )
     state = localizer.start(seed)
     errors, inside, told = [], [], []
+    level = None
     for leg, measured in zip(legs, sensed.measured, strict=True):
         state, pose = localizer.step(state, leg.delta, measured)
         best = pose.modes[0]
         errors.append(math.dist((best.x_m, best.y_m), leg.truth))
         inside.append([pose.holds(*leg.truth, level) for level in LEVELS])
-        told.append(_told_unmapped(scene, pose))
+        level = level if leg.sighting is None else leg.sighting.highest
+        told.append(_told_unmapped(scene, pose, level))
     way = np.cumsum([leg.delta.length_m for leg in legs])
     covered = np.array([leg.is_covered for leg in legs])
     return Track(np.array(errors), np.array(inside), way, covered, np.array(told))
 
 
-def _told_unmapped(scene: Scene, pose: PoseDistribution) -> bool:
+def _told_unmapped(scene: Scene, pose: PoseDistribution, level: int | None) -> bool:
     if scene.crowd is None:
         return False
     some = pose.poses[pose.thinned(COVERAGE_SAMPLE), :2]
-    return is_unmapped(pose.status, float(scene.crowd.likelihood.covers(some).mean()))
+    share = float(scene.crowd.likelihood.covers(some).mean())
+    return scene.crowd.registered.coverage(share, level) < EVEN_ODDS

@@ -70,7 +70,7 @@ class PoseOut(Wire):
     tick: int
     t: float | None
     status: Status = Field(
-        description="unmapped: a registered crowd has hardly been where the pose lies."
+        description="unmapped: a registered crowd has likely not been where the device is."
     )
     pose: BestPose | None = Field(description="null unless ambiguous or tracking.")
     confidence: float = Field(description="Mass of the top mode.")
@@ -78,7 +78,7 @@ class PoseOut(Wire):
     region_area_m2: dict[str, float]
     measurement: MeasurementOut | None
     coverage: float | None = Field(
-        description="Mass where the crowd has been; null without a registered crowd."
+        description="How likely the crowd has been there; null without a registered crowd."
     )
     health: HealthOut
     map_version: str

@@ -211,6 +211,21 @@ def test_a_scan_is_best_explained_near_where_it_was_made() -> None:
     assert np.median(ranks) < 0.15
 
 
+def test_coverage_is_by_where_the_pose_lies_and_by_what_was_heard() -> None:
+    building, found = registered()
+    rng = np.random.default_rng(4)
+    here = found.sighting(building.readings(np.array([40.0, 40.0]), rng))
+    assert here is not None
+    assert here.highest == max(here.level)
+    assert Sighting((), ()).highest == 0
+    for share in (0.0, 0.3, 1.0):
+        assert found.coverage(share, 0) < found.coverage(share, None)
+        assert found.coverage(share, None) < found.coverage(share, here.highest) < 1.0
+    assert found.coverage(0.3, None) == pytest.approx(0.3)
+    assert found.coverage(0.0, here.highest) < 0.5 < found.coverage(1.0, here.highest)
+    assert found.coverage(0.5, 0) < 0.5
+
+
 def test_what_resembles_nothing_was_made_where_nobody_has_been() -> None:
     building = Building.of(0)
     west = [scan for scan, place in building.crowd_with_truth(10, 40) if place[0] < 80.0]
