@@ -85,6 +85,23 @@ class PlaceLikelihood:
         """
         return self._covered[self.code_map.free_space.grid.flat_index(xy)]
 
+    def coverage(self, xy: FloatArray, level: int | None) -> float:
+        """Return how likely the crowd has been where a device is.
+
+        Parameters
+        ----------
+        xy : ndarray, shape (N, 2), float64
+            Places of equal weight where it may be, metres.
+        level : int or None
+            The highest one of its last `Sighting`; None before the first.
+
+        Returns
+        -------
+        float
+            `RegisteredComplex.coverage` of the share of them that `covers` tells.
+        """
+        return self.complex.coverage(float(self.covers(xy).mean()), level)
+
     @cached_property
     def _covered(self) -> BoolArray:
         covered = self.complex.covers(self.code_map.free_space.grid.centers())

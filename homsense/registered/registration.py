@@ -117,9 +117,9 @@ def register(
     ]
     fine = Matcher(Ground.of(free_space), shapes, rotation_sd_rad)
     ordered = sorted(tried, key=lambda fit: fit.cost_m)
-    places = [np.concatenate(fit.place(shapes)) for fit in ordered]
     chosen = {0}
     if thorough:
+        places = [np.concatenate(fit.place(shapes)) for fit in ordered]
         chosen = {*apart(places, SIMILAR_M, SIMILAR), *apart(places, DISTINCT_M, DISTINCT)}
     return [_moved(_finer(fine, ordered[number]), middles) for number in sorted(chosen)]
 

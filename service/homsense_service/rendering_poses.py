@@ -86,8 +86,7 @@ def _coverage(sensor: Sensor, pose: homsense.PoseDistribution, level: int | None
         return None
     some = pose.thinned(COVERAGE_SAMPLE)
     xy = np.stack([pose.particles.x_m[some], pose.particles.y_m[some]], axis=1, dtype=np.float64)
-    likelihood = sensor.registered.likelihood
-    return likelihood.complex.coverage(float(likelihood.covers(xy).mean()), level)
+    return sensor.registered.likelihood.coverage(xy, level)
 
 
 def render_session(session: Session) -> schemas.SessionOut:

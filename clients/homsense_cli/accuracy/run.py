@@ -232,14 +232,14 @@ def localize(scene: Scene, legs: Sequence[Leg], sensed: Sensed, seed: int, how: 
     )
     state = localizer.start(seed)
     errors, inside, told = [], [], []
-    level = None
+    heard = None
     for leg, measured in zip(legs, sensed.measured, strict=True):
         state, pose = localizer.step(state, leg.delta, measured)
         best = pose.modes[0]
         errors.append(math.dist((best.x_m, best.y_m), leg.truth))
         inside.append([pose.holds(*leg.truth, level) for level in LEVELS])
-        level = level if leg.sighting is None else leg.sighting.highest
-        told.append(_told_unmapped(scene, pose, level))
+        heard = heard if leg.sighting is None else leg.sighting.highest
+        told.append(_told_unmapped(scene, pose, heard))
     way = np.cumsum([leg.delta.length_m for leg in legs])
     covered = np.array([leg.is_covered for leg in legs])
     return Track(np.array(errors), np.array(inside), way, covered, np.array(told))
@@ -249,5 +249,4 @@ def _told_unmapped(scene: Scene, pose: PoseDistribution, level: int | None) -> b
     if scene.crowd is None:
         return False
     some = pose.poses[pose.thinned(COVERAGE_SAMPLE), :2]
-    share = float(scene.crowd.likelihood.covers(some).mean())
-    return scene.crowd.registered.coverage(share, level) < EVEN_ODDS
+    return scene.crowd.likelihood.coverage(some, level) < EVEN_ODDS
