@@ -3,7 +3,7 @@ BIN := .venv/bin
 READY := .venv/.ready
 
 .DEFAULT_GOAL := help
-.PHONY: help demo serve test check unit proof bench format openapi lock clean
+.PHONY: help demo serve test check compiled unit coverage proof bench format openapi lock clean
 
 help: ## list the commands
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 12
@@ -22,7 +22,9 @@ demo: $(READY) ## map a simulated downtown, localize a robot in it, write demo/
 serve: $(READY) ## serve on 127.0.0.1:8080 with the data in ./data
 	$(BIN)/homsense serve --data data
 
-test: check unit ## everything that CI runs
+test: $(READY) ## everything that CI runs
+	@$(MAKE) --no-print-directory --jobs=2 --output-sync check compiled
+	@$(MAKE) --no-print-directory unit
 
 check: $(READY) ## format, lint, types, layers, docstrings
 	$(BIN)/ruff format --check .
@@ -31,13 +33,20 @@ check: $(READY) ## format, lint, types, layers, docstrings
 	$(BIN)/lint-imports
 	$(BIN)/python -m numpydoc.hooks.validate_docstrings $$(git ls-files --cached --others --exclude-standard 'homsense/*.py')
 
-unit: $(READY) ## unit, property, contract and integration tests with coverage
+compiled: $(READY) ## let numba compile, so that no test waits for it
+	$(BIN)/python -c 'from homsense import backend, engine; backend.warmed(); engine.warmed()'
+
+unit: $(READY) ## unit, property, contract and integration tests
+	$(BIN)/python -m pytest
+
+coverage: $(READY) ## the same tests, and the branches that none of them takes
 	$(BIN)/coverage erase
 	$(BIN)/coverage run -m pytest
 	@$(BIN)/coverage combine --quiet
 	@$(BIN)/coverage report --skip-covered
 
-proof: $(READY) ## slow proof: exactness, calibration, recovery, demos, 240 kills, 10^6 malformed inputs, soak, accuracy; DATA=recorded data
+proof: $(READY) ## slow proof: coverage, exactness, calibration, recovery, demos, 240 kills, 10^6 malformed inputs, soak, accuracy; DATA=recorded data
+	$(MAKE) coverage
 	$(BIN)/python benchmarks/exactness.py
 	$(BIN)/python benchmarks/same_bits.py
 	$(BIN)/python benchmarks/calibration.py
@@ -50,6 +59,7 @@ proof: $(READY) ## slow proof: exactness, calibration, recovery, demos, 240 kill
 	$(BIN)/python benchmarks/accuracy.py $(DATA)
 	$(if $(DATA),$(BIN)/python benchmarks/registered.py $(DATA))
 	$(if $(DATA),$(BIN)/python benchmarks/floors.py $(DATA))
+	$(if $(DATA),$(BIN)/homsense replay $(DATA)/ilc20 --limit 1)
 
 .venv-peers/.ready: $(READY) requirements-peers.lock
 	$(PYTHON) -m venv .venv-peers

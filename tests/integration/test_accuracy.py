@@ -11,15 +11,15 @@ from support.builders import feature, local_map, square
 from typer.testing import CliRunner
 
 REFERENCE = json.loads((Path(__file__).parent / "accuracy_gate.json").read_text())
-RUNS = 6
+RUNS = 12
 
 runner = CliRunner()
 
 
 def test_accuracy_has_not_dropped() -> None:
     found = finals(RUNS)
-    before = np.mean(REFERENCE["homology"][:RUNS])
-    assert np.mean(found["homology"]) <= before + REFERENCE["spread_m"]
+    before = np.median(REFERENCE["homology"][:RUNS])
+    assert np.median(found["homology"]) <= before + REFERENCE["spread_m"]
     assert np.median(found["homology"]) < 0.2 * np.median(found["no homology"])
 
 
@@ -27,8 +27,8 @@ def test_the_bench_writes_what_it_measures(tmp_path: Path) -> None:
     blocks = [feature(square(x, y, 25)) for x in (20, 75, 130) for y in (20, 75, 130)]
     (tmp_path / "blocks.json").write_text(json.dumps(local_map(*blocks)))
     arguments = ["bench", "accuracy", "--city", str(tmp_path / "blocks.json")]
-    arguments += ["--transmitters", "40", "--s-max-m", "40", "--phones", "8"]
-    arguments += ["--runs", "2", "--length-m", "100", "--particles", "1000"]
+    arguments += ["--transmitters", "40", "--s-max-m", "40", "--phones", "5"]
+    arguments += ["--runs", "2", "--length-m", "50", "--particles", "1000"]
     arguments += ["--hops", "2", "--hops", "3", "--out", str(tmp_path)]
     result = runner.invoke(app, arguments)
     assert result.exit_code == 0, result.output

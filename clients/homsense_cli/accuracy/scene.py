@@ -248,7 +248,9 @@ def tuned(
     return radio, expected.narrowed(hops or expected.best_hops)
 
 
-def prepare(scenario: Scenario, hops: Sequence[int] | None = None) -> CityScene:
+def prepare(
+    scenario: Scenario, hops: Sequence[int] | None = None, *, tracked: bool = True
+) -> CityScene:
     """Let a crowd map a world, and the site tune itself.
 
     Parameters
@@ -257,6 +259,8 @@ def prepare(scenario: Scenario, hops: Sequence[int] | None = None) -> CityScene:
         The world.
     hops : sequence of int, optional
         Neighborhoods; chosen by the site when absent.
+    tracked : bool
+        Whether phones keep account of their motion, so that the crowd finds its place.
 
     Returns
     -------
@@ -270,10 +274,10 @@ def prepare(scenario: Scenario, hops: Sequence[int] | None = None) -> CityScene:
     scans = [scan for number in range(phones.phones) for scan in phones.scans(world, number)]
     crowd = [frozenset(entry["id"] for entry in scan["landmarks"]) for scan in scans]
     model = tuned(free_space, crowd, hops, scenario.seed)
-    walks = RegisteredCrowd.of(
+    walks = tracked and RegisteredCrowd.of(
         map(walk_scan, scans), site_map, free_space, free_space, Hearing(weakest_dbm=WEAKEST_DBM)
     )
-    return CityScene(scenario, world, Scene.of(site_map, free_space, crowd, model, walks))
+    return CityScene(scenario, world, Scene.of(site_map, free_space, crowd, model, walks or None))
 
 
 def walk_scan(scan: Mapping[str, Any]) -> WalkScan:
