@@ -110,8 +110,8 @@ def test_a_file_that_is_not_sound_is_refused_as_a_whole(
 
 def test_a_sound_store_is_found_sound(data: Path) -> None:
     told = run("verify", "--data", str(data))
-    assert told.count("yes") == 3
-    assert "NO" not in told
+    assert told.count("│ yes ") == 3
+    assert "│ NO " not in told
     assert "700 steps" in told
 
 
@@ -130,7 +130,7 @@ def test_damage_is_found(data: Path, statement: str, told: str) -> None:
         db.executescript(statement)
     db.close()
     found = run("verify", "--data", str(data), code=1)
-    assert "NO" in found
+    assert "│ NO " in found
     assert told in found
 
 
