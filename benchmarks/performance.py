@@ -12,6 +12,7 @@ import filters
 import growth
 import mall
 import neighborhoods
+import quarantine
 
 SECTIONS: Sequence[tuple[str, str, Callable[[], list[str]]]] = (
     ("neighborhoods", "Local hole counts beside GUDHI", neighborhoods.table),
@@ -21,6 +22,7 @@ SECTIONS: Sequence[tuple[str, str, Callable[[], list[str]]]] = (
     ("density", "Memory by density", growth.density_table),
     ("dense", "Scans of 400 landmarks", dense.table),
     ("mall", "Real mall floors", mall.table),
+    ("quarantine", "Transmitters that have moved", quarantine.table),
     ("filters", "The filter beside its peers", filters.table),
 )
 HEAD = """# Performance

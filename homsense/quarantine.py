@@ -2,7 +2,9 @@
 
 All landmarks that were ever seen together with one landmark lie within twice the sensing range of
 it, unless it has moved in between; then they fall into groups that are far apart in the rest of
-the complex, and the landmark is a false short-cut between them. No position is used.
+the complex, and the landmark is a false short-cut between them. Distances are means over a group:
+where several have moved, some other false short-cut leads to the nearest of it. No position is
+used.
 """
 
 from collections.abc import Iterable
@@ -14,7 +16,7 @@ from homsense import neighborhood
 from homsense.facet_table import Numbers, Version
 from homsense.simplicial import LandmarkComplex
 
-FAR_HOPS, SUPPORT = 3, 3
+FAR_HOPS, SUPPORT = 2.0, 3
 _COMPANION = 0.5
 
 
@@ -26,14 +28,15 @@ class Displaced:
     ----------
     landmark : str
         Its identifier.
-    hops_apart : int, optional
-        How far its two places are apart without it; ``None`` when nothing else joins them.
+    hops_apart : float, optional
+        How far those seen there are from the nearest of those seen here, without it, in the mean;
+        ``None`` when nothing else joins the two places.
     here, there : tuple of str
         Who was seen beside it at the one and the other place, sorted; the larger group first.
     """
 
     landmark: str
-    hops_apart: int | None
+    hops_apart: float | None
     here: tuple[str, ...]
     there: tuple[str, ...]
 
@@ -42,7 +45,7 @@ def displaced(
     landmark_complex: LandmarkComplex,
     landmarks: Iterable[str] | None = None,
     *,
-    far_hops: int = FAR_HOPS,
+    far_hops: float = FAR_HOPS,
     support: int = SUPPORT,
 ) -> list[Displaced]:
     """Return the landmarks that join regions which are far apart otherwise.
@@ -56,8 +59,8 @@ def displaced(
         The complex.
     landmarks : iterable of str, optional
         Which ones to look at; all by default.
-    far_hops : int, default 3
-        Hops that make regions far apart.
+    far_hops : float, default 2
+        Hops, in the mean, that make regions far apart.
     support : int, default 3
         Facets through the landmark that must speak for either place; fewer may be a hole of the
         crowd, not a move.
@@ -73,7 +76,7 @@ def displaced(
     >>> car = [{"car", f"l{n:02d}", f"l{n + 1:02d}"} for n in (2, 3, 4, 14, 15, 16)]
     >>> k = LandmarkComplex.from_observations([*street, *car])
     >>> [(found.landmark, found.hops_apart) for found in displaced(k)]
-    [('car', 5)]
+    [('car', 5.5)]
     """
     wanted = landmark_complex.landmarks if landmarks is None else landmarks
     found = []
@@ -88,8 +91,8 @@ def displaced(
 
 
 def _far_parts(
-    version: Version, number: int, far_hops: int, support: int
-) -> tuple[int | None, Numbers, Numbers] | None:
+    version: Version, number: int, far_hops: float, support: int
+) -> tuple[float | None, Numbers, Numbers] | None:
     """Return the distance of the farthest group of the link from the largest, and both groups."""
     without = _companions(version, number)
     through = version.posting_lists(np.array([number], np.int32)).values
@@ -101,7 +104,7 @@ def _far_parts(
     if len(groups) <= 1:
         return None
     distance = _distances(version, groups[0], without)
-    hops, farthest = max((int(distance[group].min()), at) for at, group in enumerate(groups))
+    hops, farthest = max((float(distance[group].mean()), at) for at, group in enumerate(groups))
     if hops < far_hops:
         return None
     return None if hops == version.n_landmarks else hops, groups[0], groups[farthest]

@@ -86,7 +86,7 @@ class Quarantined:
 
     landmark: str
     reason: str
-    hops_apart: int | None
+    hops_apart: float | None
     here: tuple[str, ...]
     there: tuple[str, ...]
 

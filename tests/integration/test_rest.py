@@ -218,7 +218,7 @@ def test_a_transmitter_that_has_moved_is_left_out_and_the_reason_told(api: TestC
     api.post(f"{path}/scans", json={"scans": scans[23:]})
     answer = api.get(f"{path}/complex").json()
     (found,) = answer["quarantined"]
-    assert (found["landmark"], found["hops_apart"]) == ("car", 5)
+    assert (found["landmark"], found["hops_apart"]) == ("car", 5.5)
     assert "5 hops apart without it" in found["reason"]
     assert {found["here"][0], found["there"][0]} == {"l02", "l14"}
     assert (answer["landmarks"], answer["raw"]["landmarks"]) == (22, 23)

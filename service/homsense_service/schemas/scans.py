@@ -126,7 +126,9 @@ class QuarantinedOut(Wire):
 
     landmark: str
     reason: str
-    hops_apart: int | None = Field(description="null when nothing else joins its two places.")
+    hops_apart: float | None = Field(
+        description="In the mean; null when nothing else joins its two places."
+    )
     here: list[str] = Field(description="Some of the landmarks seen beside it at one place.")
     there: list[str] = Field(description="Some of those at the other.")
 

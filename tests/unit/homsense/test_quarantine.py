@@ -1,5 +1,7 @@
 """Transmitters that move in a simulated town, and those that do not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from homsense_fleet.device import phone_scans
@@ -17,9 +19,25 @@ def _crowd(world: World, seed: int) -> list[frozenset[str]]:
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_nobody_is_accused_in_a_well_mapped_town(seed: int) -> None:
+def test_hardly_anybody_is_accused_in_a_well_mapped_town(seed: int) -> None:
     crowd = _crowd(downtown_44(seed), seed)
-    assert not displaced(LandmarkComplex.from_observations(crowd))
+    assert len(displaced(LandmarkComplex.from_observations(crowd))) <= 2
+
+
+def test_those_that_move_at_the_same_time_do_not_hide_each_other() -> None:
+    """Twenty of them: the false short-cuts of the others make the way between its places short."""
+    before = downtown_44(1)
+    rng = np.random.default_rng(4)
+    moved = rng.choice(len(before.ids), 20, replace=False)
+    places = before.transmitters.copy()
+    places[moved] = places[np.roll(moved, 1)]
+    far = np.hypot(*(places - before.transmitters).T) > 200.0
+    crowds = (_crowd(world, 1) for world in (before, replace(before, transmitters=places)))
+    mixed = [pair[number % 2] for number, pair in enumerate(zip(*crowds, strict=True))]
+    found = {one.landmark for one in displaced(LandmarkComplex.from_observations(mixed))}
+    guilty = {before.ids[number] for number in np.flatnonzero(far)}
+    assert len(found & guilty) >= 0.5 * len(guilty) > 5
+    assert len(found - guilty) <= 2
 
 
 @pytest.mark.parametrize("companions", [0, 3])
