@@ -306,6 +306,11 @@ class Operations:
             self.sites.catch_up(session.site)
         return answered
 
+    def answer(self, name: str, answer: Callable[[Session, Fix], Answer]) -> Answer:
+        """Answer with what follows from the latest step of a session."""
+        session = self.sessions.get(name)
+        return session.answered(partial(answer, session))
+
     def take_again(
         self,
         name: str,

@@ -168,6 +168,23 @@ class Session:
                 self._store.put_snapshot(self.name, journaling.snapshot(course))
             return made
 
+    def answered(self, answer: Callable[[Fix], Answer]) -> Answer:
+        """Return the answer to the latest step, as it was given if it is still known.
+
+        Parameters
+        ----------
+        answer : callable
+            Makes the answer from the state after the step; always the same one.
+
+        Returns
+        -------
+        Answer
+            Nothing is applied.
+        """
+        fix = self.fix
+        known: Answer | None = self._answers.get(fix.seq)
+        return answer(fix) if known is None else known
+
     def apply_again(
         self, seq: int, readings: tuple[StoredReading, ...], answer: Callable[[Fix], Answer]
     ) -> Answer:

@@ -463,9 +463,11 @@ def test_a_session_moves_to_another_map_when_it_is_told_to(api: TestClient, site
     assert api.put(f"/v1/sites/{site}/map", json=other).status_code == 200
     stayed = _step(api, session, {"seq": 1}).json()
     assert stayed["map_version"] == before["map_version"]
+    assert api.get(f"/v1/sessions/{session}/pose").json() == stayed
     moved = api.post(f"/v1/sessions/{session}/map").json()
     assert moved["map_version"] == moved["pose"]["map_version"] != before["map_version"]
     assert moved["pose"]["tick"] == 1
+    assert api.get(f"/v1/sessions/{session}/pose").json() == moved["pose"]
     again = api.post(f"/v1/sessions/{session}/map").json()
     assert again["pose"]["digest"] == moved["pose"]["digest"]
     assert _step(api, session, {"seq": 2}).json()["map_version"] == moved["map_version"]

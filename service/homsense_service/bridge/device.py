@@ -226,8 +226,7 @@ class Device:
         request.answer(frame)
 
     def _last(self, request: Request, _number: int) -> None:
-        session = self._desk.operations.sessions.get(self.session)
-        request.answer(pose_json(session, session.fix))
+        request.answer(self._desk.operations.answer(self.session, pose_json))
 
     def _step(self) -> None:
         """Take the steps that can be taken now."""

@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import logging
 from collections.abc import AsyncIterator
+from functools import partial
 
 import anyio
 from fastapi import APIRouter, Request, WebSocket
@@ -50,7 +51,7 @@ async def get_events(session: SessionParam, request: Request) -> StreamingRespon
     operations: Operations = request.app.state.operations
     found = await run_in_threadpool(operations.sessions.get, session)
     reader = streams.join(session)
-    first = await run_in_threadpool(lambda: pose_json(found, found.fix))
+    first = await run_in_threadpool(found.answered, partial(pose_json, found))
     return StreamingResponse(
         _events(streams, session, reader, first), media_type="text/event-stream"
     )
@@ -97,7 +98,7 @@ async def stream(websocket: WebSocket, session: str) -> None:
     reader = state.streams.join(session)
     sending = asyncio.Lock()
     try:
-        first = await run_in_threadpool(lambda: pose_json(found, found.fix))
+        first = await run_in_threadpool(found.answered, partial(pose_json, found))
         await websocket.send_text(first.decode())
         async with anyio.create_task_group() as both:
             both.start_soon(_take, websocket, session, sending, both.cancel_scope)

@@ -106,12 +106,13 @@ def move_to_current_map(session: SessionParam, operations: OperationsDep) -> sch
     "/sessions/{session}/pose",
     dependencies=[needs("localize")],
     summary="The pose",
+    response_model=schemas.PoseOut,
     responses=problems(404, 422),
 )
-def get_pose(session: SessionParam, operations: OperationsDep) -> schemas.PoseOut:
+def get_pose(session: SessionParam, operations: OperationsDep) -> Response:
     """Return what is known about the pose."""
-    found = operations.sessions.get(session)
-    return rendering.render_pose(found, found.fix)
+    pose = operations.answer(session, rendering.pose_json)
+    return Response(pose, media_type="application/json")
 
 
 @router.get(
