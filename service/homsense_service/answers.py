@@ -7,6 +7,7 @@ from typing import Any
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
+from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.responses import JSONResponse
 
@@ -62,7 +63,7 @@ async def _http_error(request: Request, error: Exception) -> JSONResponse:
     detail = str(error.detail)
     headers = {name.lower(): value for name, value in (error.headers or {}).items()}
     if error.status_code == NOT_ALLOWED:
-        headers["allow"] = ", ".join(sorted(_methods(request)))
+        headers["allow"] = ", ".join(sorted(await run_in_threadpool(_methods, request)))
     if error.status_code == MALFORMED_JSON.status:
         return _answer(MALFORMED_JSON, detail)
     kind = Kind(error.status_code, detail.lower().replace(" ", "_"), detail)

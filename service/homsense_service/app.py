@@ -7,6 +7,7 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, closing
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import zenoh
 from fastapi import FastAPI
@@ -50,6 +51,20 @@ ALLOWED_HEADERS = [
 ]  # fmt: skip
 
 _log = logging.getLogger(__name__)
+
+
+class _Described(FastAPI):
+    """Its OpenAPI document tells of problems, too, which no route returns."""
+
+    def openapi(self) -> dict[str, Any]:
+        """Return the document, made when it is first asked for."""
+        if self.openapi_schema is None:
+            document = super().openapi()
+            schema = Problem.model_json_schema(ref_template="#/components/schemas/{model}")
+            parts = schema.pop("$defs")
+            document["components"]["schemas"].update({"Problem": schema, **parts})
+            self.openapi_schema = document
+        return self.openapi_schema
 
 
 def create_app(
@@ -101,7 +116,7 @@ def create_app(
                     yield
                 tidying.cancel()
 
-    app = FastAPI(
+    app = _Described(
         title="homsense",
         version=version("homsense"),
         summary="Localization without survey, GPS or labels, by homological sensing.",
@@ -128,7 +143,6 @@ def create_app(
     app.add_middleware(Manners)
     for module in (health, sites, expectations, registrations, scans, sessions, live, keys):
         app.include_router(module.router)
-    _describe_problems(app)
     return app
 
 
@@ -165,10 +179,3 @@ async def _tidy(operations: Operations, streams: Streams) -> None:
                 streams.end(session)
         except ServiceError:
             _log.exception("old scans or idle sessions could not be forgotten")
-
-
-def _describe_problems(app: FastAPI) -> None:
-    """Add the schema of problems, which no route returns, to the OpenAPI document."""
-    schema = Problem.model_json_schema(ref_template="#/components/schemas/{model}")
-    parts = schema.pop("$defs")
-    app.openapi()["components"]["schemas"].update({"Problem": schema, **parts})

@@ -172,11 +172,15 @@ def test_of_two_routers_one_may_die(tmp_path: Path) -> None:
 
 def test_a_robot_that_comes_before_its_service_waits(tmp_path: Path) -> None:
     where = endpoint()
-    with router(where), connect(where) as network, Robot(network, "r1") as robot:
-        opened: list[str] = []
-        waiting = threading.Thread(target=lambda: opened.append(robot.open("yard", **OPTIONS).id))
-        waiting.start()
-        with Service(tmp_path, zenoh_connect=[where]):
+    with Service(tmp_path, zenoh_connect=[where]) as service:
+        service.end()
+        with router(where), connect(where) as network, Robot(network, "r1") as robot:
+            opened: list[str] = []
+            waiting = threading.Thread(
+                target=lambda: opened.append(robot.open("yard", **OPTIONS).id)
+            )
+            waiting.start()
+            service.start()
             waiting.join(20)
             assert opened
             walk(robot, 1)
