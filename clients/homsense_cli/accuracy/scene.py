@@ -259,7 +259,7 @@ def prepare(
         The world.
     hops : sequence of int, optional
         Neighborhoods; chosen by the site when absent.
-    tracked : bool
+    tracked : bool, default True
         Whether phones keep account of their motion, so that the crowd finds its place.
 
     Returns
