@@ -21,7 +21,7 @@ IntArray = NDArray[np.int64]
 SIMILARITY_EDGES = np.array([0.0, *np.arange(0.05, 0.625, 0.05), 0.7, 1.0])
 NEW_SIGHTINGS_S = 3.5
 FEWEST_PAIRS = 10
-LEAST_SIMILAR = 0.25
+LEAST_SIMILAR, UNLIKE = 0.25, 0.1
 NEIGHBORS = 4
 
 
@@ -171,7 +171,7 @@ class RadioDistance:
 
 @dataclass(frozen=True)
 class Likeness:
-    """The most similar scans of other walks.
+    """The most similar scans of other walks, and which are at all alike.
 
     Parameters
     ----------
@@ -181,12 +181,16 @@ class Likeness:
         How alike they hear.
     radio : RadioDistance
         What that means in metres.
+    compatible : ndarray, shape (P,), int64
+        All pairs of a similarity of a tenth or more, rising: the number of the one times that of
+        all scans, plus the number of the other.
     """
 
     first: IntArray
     second: IntArray
     similarity: FloatArray
     radio: RadioDistance
+    compatible: IntArray
 
 
 def likeness(crowd: Crowd, neighbors: int = NEIGHBORS) -> Likeness:
@@ -212,7 +216,7 @@ def likeness(crowd: Crowd, neighbors: int = NEIGHBORS) -> Likeness:
     index = ScanIndex.of(crowd.signatures)
     bounds = np.searchsorted(crowd.walk, np.arange(crowd.n_walks + 1))
     squares, counts = np.zeros(len(SIMILARITY_EDGES) - 1), np.zeros(len(SIMILARITY_EDGES) - 1)
-    edges = []
+    edges, compatible = [], []
     for scan, signature in enumerate(crowd.signatures):
         found = index.similarities(signature)
         begin, end = bounds[crowd.walk[scan]], bounds[crowd.walk[scan] + 1]
@@ -226,11 +230,12 @@ def likeness(crowd: Crowd, neighbors: int = NEIGHBORS) -> Likeness:
         near = np.argsort(-found, kind="stable")[:neighbors]
         near = near[found[near] >= LEAST_SIMILAR]
         edges.append(np.stack([np.full(len(near), scan), near, found[near]]))
+        compatible.append(scan * crowd.size + np.flatnonzero(found >= UNLIKE))
     radio = _radio_distance(squares, counts)
     one, other, similarity = np.concatenate(edges, axis=1)
     low, high = np.minimum(one, other).astype(np.int64), np.maximum(one, other).astype(np.int64)
     _, once = np.unique(low * crowd.size + high, return_index=True)
-    return Likeness(low[once], high[once], similarity[once], radio)
+    return Likeness(low[once], high[once], similarity[once], radio, np.concatenate(compatible))
 
 
 def _radio_distance(squares: FloatArray, counts: FloatArray) -> RadioDistance:

@@ -2,7 +2,8 @@
 
 Unknown are the place of each scan, and for each walk the bias of its heading and the scale of its
 steps. Own motion says where the next scan of a walk is, likeness draws scans of different walks
-together; edges that do not fit lose their weight round by round.
+together; edges that do not fit lose their weight round by round. Scans of different walks that lie
+close and hear nothing alike are driven apart: without that a layout comes out far too small.
 """
 
 from collections.abc import Callable
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
+from scipy.spatial import cKDTree
 
 from homsense.registered.crowd import Crowd, Likeness
 
@@ -24,6 +26,7 @@ BoolArray = NDArray[np.bool_]
 STEP_FLOOR_M, STEP_SHARE = 0.1, 0.1
 STEP_SCALE, HEADING_RAD = 0.05, 0.1
 REST_SHARE = 0.66
+AROUND, UNLIKE_EACH = 60, 4
 EDGES_DEPEND = 2.0
 TOGETHER_ROUNDS, LAY_OUT_ROUNDS = 5, 14
 SETTLE_ROUNDS = 8
@@ -67,8 +70,15 @@ class Pull(NamedTuple):
 
 
 class _Edges(NamedTuple):
+    """Pairs of scans, how far apart their places should be, and how sure that is."""
+
+    first: IntArray
+    second: IntArray
     rest: FloatArray
-    trust: FloatArray
+    weight: FloatArray
+
+    def with_others(self, others: "_Edges") -> "_Edges":
+        return _Edges(*(np.concatenate(both) for both in zip(self, others, strict=True)))
 
 
 class _Rows(NamedTuple):
@@ -119,7 +129,7 @@ def lay_out(crowd: Crowd, like: Likeness) -> Layout:
     Returns
     -------
     Layout
-        Some ten percent too small, and in parts that no edge joins.
+        In parts that no edge joins.
     """
     heading = np.zeros(crowd.n_walks)
     state = Layout(np.zeros((crowd.size, 2)), heading, np.zeros(crowd.n_walks))
@@ -127,8 +137,10 @@ def lay_out(crowd: Crowd, like: Likeness) -> Layout:
         rest = np.zeros((len(like.first), 2))
         if number >= TOGETHER_ROUNDS:
             rest = _rest(state, like)
-        trust = np.ones(len(rest)) if number == 0 else _trust(state, like, rest, number)
-        state = _improved(crowd, like, state, _Edges(rest, trust), heading, None)
+        edges = _alike(state, like, rest, number)
+        if number >= TOGETHER_ROUNDS:
+            edges = edges.with_others(_unlike(state, crowd, like))
+        state = _improved(crowd, state, edges, heading, None)
     return state
 
 
@@ -155,9 +167,9 @@ def settle(
     """
     state = Layout(start.xy, start.heading, np.zeros(crowd.n_walks))
     for number in range(SETTLE_ROUNDS):
-        rest = _rest(state, like)
-        trust = _trust(state, like, rest, number)
-        state = _improved(crowd, like, state, _Edges(rest, trust), start.heading, pull(state.xy))
+        edges = _alike(state, like, _rest(state, like), number)
+        edges = edges.with_others(_unlike(state, crowd, like))
+        state = _improved(crowd, state, edges, start.heading, pull(state.xy))
     return state
 
 
@@ -187,11 +199,6 @@ def parts(crowd: Crowd, like: Likeness) -> IntArray:
     return np.where(is_placed, rank, -1)[part]
 
 
-def _edge_sd(like: Likeness) -> FloatArray:
-    sd_m: FloatArray = EDGES_DEPEND * like.radio(like.similarity) / np.sqrt(2.0)
-    return sd_m
-
-
 def _rest(state: Layout, like: Likeness) -> FloatArray:
     """Return how far apart the ends of each edge may stay."""
     apart = state.xy[like.first] - state.xy[like.second]
@@ -201,18 +208,41 @@ def _rest(state: Layout, like: Likeness) -> FloatArray:
     return rest
 
 
-def _trust(state: Layout, like: Likeness, rest: FloatArray, number: int) -> FloatArray:
-    """Return the weight of each edge: little where it does not fit (Geman and McClure)."""
+def _alike(state: Layout, like: Likeness, rest: FloatArray, number: int) -> _Edges:
+    """Return what draws together; little where it does not fit (Geman and McClure)."""
+    sd_m = EDGES_DEPEND * like.radio(like.similarity) / np.sqrt(2.0)
     miss = state.xy[like.first] - state.xy[like.second] - rest
-    squares = (miss * miss).sum(axis=1) / (2.0 * _edge_sd(like) ** 2)
+    squares = (miss * miss).sum(axis=1) / (2.0 * sd_m**2)
     tolerance = max(_FIRST_TOLERANCE * _TIGHTER**number, _LAST_TOLERANCE)
-    trust: FloatArray = (tolerance / (tolerance + squares)) ** 2
-    return trust
+    trust = 1.0 if number == 0 else tolerance / (tolerance + squares)
+    return _Edges(like.first, like.second, rest, trust / sd_m)
+
+
+def _unlike(state: Layout, crowd: Crowd, like: Likeness) -> _Edges:
+    """Return what drives apart: for each scan the nearest of other walks that hear otherwise."""
+    least_m = REST_SHARE * like.radio.reach_m
+    size = min(AROUND, crowd.size)
+    _, near = cKDTree(state.xy).query(state.xy, k=size, distance_upper_bound=least_m)
+    one, other = np.repeat(np.arange(crowd.size), size), near.ravel()
+    one, other = one[other < crowd.size], other[other < crowd.size]
+    is_foreign = crowd.walk[one] != crowd.walk[other]
+    one, other = one[is_foreign], other[is_foreign]
+    pair = one * crowd.size + other
+    at = np.minimum(np.searchsorted(like.compatible, pair), len(like.compatible) - 1)
+    is_unlike = like.compatible[at] != pair
+    one, other = one[is_unlike], other[is_unlike]
+    is_near = np.arange(len(one)) - np.searchsorted(one, one) < UNLIKE_EACH
+    low, high = np.minimum(one, other)[is_near], np.maximum(one, other)[is_near]
+    _, once = np.unique(low * crowd.size + high, return_index=True)
+    low, high = low[once], high[once]
+    apart = state.xy[low] - state.xy[high]
+    length = np.maximum(np.linalg.norm(apart, axis=1), _HARDLY)
+    weight = np.full(len(low), np.sqrt(2.0) / (EDGES_DEPEND * least_m))
+    return _Edges(low, high, apart * (least_m / length)[:, None], weight)
 
 
 def _improved(
     crowd: Crowd,
-    like: Likeness,
     state: Layout,
     edges: _Edges,
     heading: FloatArray,
@@ -240,12 +270,11 @@ def _improved(
             (scale[owner], -along),
         )
 
-    weight = np.sqrt(edges.trust) / _edge_sd(like)
     for axis, place in enumerate((x, y)):
         rows.add(
-            weight * edges.rest[:, axis],
-            (place[like.first], weight),
-            (place[like.second], -weight),
+            edges.weight * edges.rest[:, axis],
+            (place[edges.first], edges.weight),
+            (place[edges.second], -edges.weight),
         )
 
     sure_of_heading = np.full(walks, 1.0 / HEADING_RAD)

@@ -20,7 +20,7 @@ BoolArray = NDArray[np.bool_]
 Spectrum = NDArray[np.complex64]
 
 M_PER_NAT = 0.06
-SCALE, LOG_SCALE_SD = 1.15, 0.15
+SCALE, LOG_SCALE_SD = 1.05, 0.15
 GREATEST_SCALE = 1.8
 SWEEPS = 2
 _BORDER = 12
@@ -123,7 +123,7 @@ def unlikely_m(rotation_rad: float, scale: float, rotation_sd_rad: float | None)
     Returns
     -------
     float
-        Metres, to be added to a cost: a layout comes out too small by a predictable amount.
+        Metres, to be added to a cost: a layout comes out a little too small.
     """
     nats = 0.5 * (math.log(scale / SCALE) / LOG_SCALE_SD) ** 2
     if rotation_sd_rad is not None:

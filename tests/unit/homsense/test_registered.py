@@ -34,8 +34,8 @@ from homsense import (
 )
 from homsense.backend import NUMPY, compiled
 from homsense.likelihood import CodeLikelihood
-from homsense.registered.crowd import Crowd, Likeness, likeness
-from homsense.registered.layout import lay_out, parts
+from homsense.registered.crowd import Crowd, likeness
+from homsense.registered.layout import Layout, Pull, lay_out, parts, settle
 from homsense.registered.placing import STAGES
 from homsense.registered.registration import register
 
@@ -185,11 +185,33 @@ def test_parts_that_never_hear_each_other_are_placed_together() -> None:
     assert max(np.median(error[east]), np.median(error[~east])) < 4.0
 
 
+def test_walks_that_hear_nothing_alike_are_driven_apart_and_those_that_do_are_not() -> None:
+    along = np.arange(0.0, 60.0, 2.0)
+    scans = [
+        WalkScan(walk, 5.0 * x, x, 0.0, tuple(Reading(f"{heard}{k}", -50.0) for k in range(12)
+            if abs(5.0 * k - x) < 12.0))
+        for walk, heard in (("one", "a"), ("same way", "a"), ("other side", "b"))
+        for x in along.tolist()
+    ]  # fmt: skip
+    crowd = Crowd.of(scans)
+    like = likeness(crowd)
+    across = np.array([0.0, 1.0, 0.5])[crowd.walk]
+    start = Layout(np.stack([crowd.own_xy[:, 0], across], axis=1), np.zeros(3), np.zeros(3))
+    found = settle(crowd, like, start, lambda xy: Pull(xy, 30.0))
+    middle = [found.xy[crowd.walk == walk, 1].mean() for walk in range(3)]
+    names = [scans[crowd.source[crowd.walk == walk][0]].walk for walk in range(3)]
+    at = dict(zip(names, middle, strict=True))
+    assert abs(at["one"] - at["same way"]) < 1.5
+    assert min(abs(at["other side"] - at[name]) for name in ("one", "same way")) > 4.0
+
+
 def test_a_part_of_a_few_scans_is_left_out() -> None:
     crowd = Crowd.of(Building.of(0).crowd(10, 12))
     like = likeness(crowd)
     kept = (crowd.walk[like.first] != 0) & (crowd.walk[like.second] != 0)
-    rest = Likeness(like.first[kept], like.second[kept], like.similarity[kept], like.radio)
+    rest = replace(
+        like, first=like.first[kept], second=like.second[kept], similarity=like.similarity[kept]
+    )
     assert np.array_equal(parts(crowd, rest) == -1, crowd.walk == 0)
 
 
