@@ -186,23 +186,21 @@ def test_parts_that_never_hear_each_other_are_placed_together() -> None:
 
 
 def test_walks_that_hear_nothing_alike_are_driven_apart_and_those_that_do_are_not() -> None:
-    along = np.arange(0.0, 60.0, 2.0)
-    scans = [
-        WalkScan(walk, 5.0 * x, x, 0.0, tuple(Reading(f"{heard}{k}", -50.0) for k in range(12)
-            if abs(5.0 * k - x) < 12.0))
-        for walk, heard in (("one", "a"), ("same way", "a"), ("other side", "b"))
-        for x in along.tolist()
-    ]  # fmt: skip
-    crowd = Crowd.of(scans)
-    like = likeness(crowd)
-    across = np.array([0.0, 1.0, 0.5])[crowd.walk]
-    start = Layout(np.stack([crowd.own_xy[:, 0], across], axis=1), np.zeros(3), np.zeros(3))
-    found = settle(crowd, like, start, lambda xy: Pull(xy, 30.0))
-    middle = [found.xy[crowd.walk == walk, 1].mean() for walk in range(3)]
-    names = [scans[crowd.source[crowd.walk == walk][0]].walk for walk in range(3)]
-    at = dict(zip(names, middle, strict=True))
-    assert abs(at["one"] - at["same way"]) < 1.5
-    assert min(abs(at["other side"] - at[name]) for name in ("one", "same way")) > 4.0
+    """The first and the third walk the same way; the second is laid out between them."""
+
+    def heard(kind: str, x: float) -> tuple[Reading, ...]:
+        return tuple(Reading(f"{kind}{at}", -50.0) for at in range(0, 60, 5) if abs(at - x) < 12.0)
+
+    crowd = Crowd.of(
+        WalkScan(str(number), 5.0 * x, x, 0.0, heard(kind, x))
+        for number, kind in enumerate("aba")
+        for x in np.arange(0.0, 60.0, 2.0).tolist()
+    )
+    start = Layout(crowd.own_xy + [0.0, 0.5] * crowd.walk[:, None], np.zeros(3), np.zeros(3))
+    found = settle(crowd, likeness(crowd), start, lambda xy: Pull(xy, 30.0))
+    first, second, third = (found.xy[crowd.walk == walk, 1].mean() for walk in range(3))
+    assert abs(first - third) < 1.5
+    assert min(abs(first - second), abs(second - third)) > 4.0
 
 
 def test_a_part_of_a_few_scans_is_left_out() -> None:
