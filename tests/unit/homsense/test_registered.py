@@ -186,7 +186,7 @@ def test_parts_that_never_hear_each_other_are_placed_together() -> None:
 
 
 def test_walks_that_hear_nothing_alike_are_driven_apart_and_those_that_do_are_not() -> None:
-    """The first and the third walk the same way; the second is laid out between them."""
+    """The first and the third walk the same way; the second is laid out beside them."""
 
     def heard(kind: str, x: float) -> tuple[Reading, ...]:
         return tuple(Reading(f"{kind}{at}", -50.0) for at in range(0, 60, 5) if abs(at - x) < 12.0)
@@ -196,7 +196,8 @@ def test_walks_that_hear_nothing_alike_are_driven_apart_and_those_that_do_are_no
         for number, kind in enumerate("aba")
         for x in np.arange(0.0, 60.0, 2.0).tolist()
     )
-    start = Layout(crowd.own_xy + [0.0, 0.5] * crowd.walk[:, None], np.zeros(3), np.zeros(3))
+    beside = np.array([0.0, 2.0, 1.0])[crowd.walk]
+    start = Layout(np.stack([crowd.own_xy[:, 0], beside], axis=1), np.zeros(3), np.zeros(3))
     found = settle(crowd, likeness(crowd), start, lambda xy: Pull(xy, 30.0))
     first, second, third = (found.xy[crowd.walk == walk, 1].mean() for walk in range(3))
     assert abs(first - third) < 1.5
