@@ -59,7 +59,6 @@ proof: $(READY) ## slow proof: coverage, exactness, calibration, recovery, demos
 	$(BIN)/python benchmarks/accuracy.py $(DATA)
 	$(if $(DATA),$(BIN)/python benchmarks/registered.py $(DATA))
 	$(if $(DATA),$(BIN)/python benchmarks/floors.py $(DATA))
-	$(if $(DATA),$(BIN)/homsense replay $(DATA)/ilc20 --limit 1)
 
 .venv-peers/.ready: $(READY) requirements-peers.lock
 	$(PYTHON) -m venv .venv-peers

@@ -165,7 +165,7 @@ def cpu_s(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / _TICKS
 
 
-def seeded(seed: int) -> np.random.Generator:
+def seeded(*seed: int) -> np.random.Generator:
     """Return random numbers of a seed."""
     return np.random.Generator(np.random.PCG64(seed))
 

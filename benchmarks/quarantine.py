@@ -5,11 +5,12 @@ transmitter that moves takes a place beside another one, far from its own.
 """
 
 from dataclasses import replace
-from itertools import product
+from itertools import chain, product
 
 import numpy as np
 from homsense_fleet.device import phone_scans
 from homsense_fleet.world import World, city_world
+from load import seeded
 
 from homsense import LandmarkComplex, displaced
 
@@ -48,8 +49,10 @@ def table() -> list[str]:
 def _run(style: str, seed: int, phones: int, share: float) -> tuple[float, ...]:
     before = city_world(style, seed)
     moved, after = _moved(before, share, seeded(seed, 9))
-    calm = [scan for n in range(phones) for scan in _walk(before, seed, n)]
-    mixed = [scan for n in range(phones) for scan in _walk(after if n % 2 else before, seed, n)]
+    walks = [_walk(before, seed, n) for n in range(phones)]
+    calm = list(chain.from_iterable(walks))
+    walks[1::2] = [_walk(after, seed, n) for n in range(1, phones, 2)]
+    mixed = list(chain.from_iterable(walks))
     grown = LandmarkComplex.from_observations(mixed)
     accused = {one.landmark for one in displaced(grown)}
     rest = LandmarkComplex.from_observations(left for scan in mixed if (left := scan - accused))
@@ -69,11 +72,6 @@ def _moved(world: World, share: float, rng: np.random.Generator) -> tuple[set[st
         far = np.hypot(*(world.transmitters - world.transmitters[number]).T) >= LEAST_M
         places[number] = world.transmitters[rng.choice(np.flatnonzero(far))] + (0.5, 0.5)
     return {world.ids[number] for number in chosen}, replace(world, transmitters=places)
-
-
-def seeded(*seed: int) -> np.random.Generator:
-    """Return random numbers of a seed."""
-    return np.random.Generator(np.random.PCG64(seed))
 
 
 def _walk(world: World, seed: int, phone: int) -> list[frozenset[str]]:

@@ -233,9 +233,30 @@ def likeness(crowd: Crowd, neighbors: int = NEIGHBORS) -> Likeness:
         compatible.append(scan * crowd.size + np.flatnonzero(found >= UNLIKE))
     radio = _radio_distance(squares, counts)
     one, other, similarity = np.concatenate(edges, axis=1)
-    low, high = np.minimum(one, other).astype(np.int64), np.maximum(one, other).astype(np.int64)
-    _, once = np.unique(low * crowd.size + high, return_index=True)
-    return Likeness(low[once], high[once], similarity[once], radio, np.concatenate(compatible))
+    low, high, once = each_once(one.astype(np.int64), other.astype(np.int64), crowd.size)
+    return Likeness(low, high, similarity[once], radio, np.concatenate(compatible))
+
+
+def each_once(one: IntArray, other: IntArray, size: int) -> tuple[IntArray, IntArray, IntArray]:
+    """Return each pair of scans once, the lower number first.
+
+    Parameters
+    ----------
+    one, other : ndarray, shape (P,), int64
+        The two scans of each pair, either first.
+    size : int
+        Number of scans.
+
+    Returns
+    -------
+    low, high : ndarray, int64
+        The pairs.
+    which : ndarray, int64
+        Where each of them came first.
+    """
+    low, high = np.minimum(one, other), np.maximum(one, other)
+    _, which = np.unique(low * size + high, return_index=True)
+    return low[which], high[which], which
 
 
 def _radio_distance(squares: FloatArray, counts: FloatArray) -> RadioDistance:

@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
-from homsense.registered.crowd import Crowd, Likeness
+from homsense.registered.crowd import Crowd, Likeness, each_once
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -134,12 +134,10 @@ def lay_out(crowd: Crowd, like: Likeness) -> Layout:
     heading = np.zeros(crowd.n_walks)
     state = Layout(np.zeros((crowd.size, 2)), heading, np.zeros(crowd.n_walks))
     for number in range(LAY_OUT_ROUNDS):
-        rest = np.zeros((len(like.first), 2))
-        if number >= TOGETHER_ROUNDS:
-            rest = _rest(state, like)
-        edges = _alike(state, like, rest, number)
-        if number >= TOGETHER_ROUNDS:
-            edges = edges.with_others(_unlike(state, crowd, like))
+        if number < TOGETHER_ROUNDS:
+            edges = _alike(state, like, np.zeros((len(like.first), 2)), number)
+        else:
+            edges = _spaced(state, crowd, like, number)
         state = _improved(crowd, state, edges, heading, None)
     return state
 
@@ -167,8 +165,7 @@ def settle(
     """
     state = Layout(start.xy, start.heading, np.zeros(crowd.n_walks))
     for number in range(SETTLE_ROUNDS):
-        edges = _alike(state, like, _rest(state, like), number)
-        edges = edges.with_others(_unlike(state, crowd, like))
+        edges = _spaced(state, crowd, like, number)
         state = _improved(crowd, state, edges, start.heading, pull(state.xy))
     return state
 
@@ -197,6 +194,12 @@ def parts(crowd: Crowd, like: Likeness) -> IntArray:
     rank = np.argsort(np.argsort(-sizes, kind="stable"))
     is_placed = (rank == 0) | (sizes >= PART_SHARE * crowd.size)
     return np.where(is_placed, rank, -1)[part]
+
+
+def _spaced(state: Layout, crowd: Crowd, like: Likeness, number: int) -> _Edges:
+    """Return what draws together, though not all the way, and what drives apart."""
+    alike = _alike(state, like, _rest(state, like), number)
+    return alike.with_others(_unlike(state, crowd, like))
 
 
 def _rest(state: Layout, like: Likeness) -> FloatArray:
@@ -232,9 +235,7 @@ def _unlike(state: Layout, crowd: Crowd, like: Likeness) -> _Edges:
     is_unlike = like.compatible[at] != pair
     one, other = one[is_unlike], other[is_unlike]
     is_near = np.arange(len(one)) - np.searchsorted(one, one) < UNLIKE_EACH
-    low, high = np.minimum(one, other)[is_near], np.maximum(one, other)[is_near]
-    _, once = np.unique(low * crowd.size + high, return_index=True)
-    low, high = low[once], high[once]
+    low, high, _ = each_once(one[is_near], other[is_near], crowd.size)
     apart = state.xy[low] - state.xy[high]
     length = np.maximum(np.linalg.norm(apart, axis=1), _HARDLY)
     weight = np.full(len(low), np.sqrt(2.0) / (EDGES_DEPEND * least_m))

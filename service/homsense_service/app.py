@@ -59,12 +59,10 @@ class _Described(FastAPI):
     def openapi(self) -> dict[str, Any]:
         """Return the document, made when it is first asked for."""
         if self.openapi_schema is None:
-            document = super().openapi()
             schema = Problem.model_json_schema(ref_template="#/components/schemas/{model}")
             parts = schema.pop("$defs")
-            document["components"]["schemas"].update({"Problem": schema, **parts})
-            self.openapi_schema = document
-        return self.openapi_schema
+            super().openapi()["components"]["schemas"].update({"Problem": schema, **parts})
+        return super().openapi()
 
 
 def create_app(

@@ -70,12 +70,12 @@ def render_complex(version: ComplexVersion) -> schemas.ComplexOut:
 
 
 def _quarantined(found: homsense.Displaced) -> schemas.QuarantinedOut:
-    way = "nothing else joins" if found.hops_apart is None else f"are {found.hops_apart:.1f} hops"
-    apart = "" if found.hops_apart is None else " apart without it"
+    apart = found.hops_apart
+    way = "nothing else joins" if apart is None else f"are {apart:.1f} hops apart without it"
     return schemas.QuarantinedOut(
         landmark=found.landmark,
-        reason=f"it was seen at two places that {way}{apart}",
-        hops_apart=None if found.hops_apart is None else round(found.hops_apart, 1),
+        reason=f"it was seen at two places that {way}",
+        hops_apart=None if apart is None else round(apart, 1),
         here=list(found.here[:MAX_BESIDE]),
         there=list(found.there[:MAX_BESIDE]),
     )

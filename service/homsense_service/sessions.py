@@ -265,11 +265,11 @@ class Session:
                 raise SequenceConflictError(_different(seq))
 
     def _answer_again(self, seq: int, answer: Callable[[Fix], Answer]) -> Answer:
+        if seq == self.fix.seq:
+            return self.answered(answer)
         known: Answer | None = self._answers.get(seq)
         if known is not None:
             return known
-        if seq == self.fix.seq:
-            return answer(self.fix)
         if seq < self.fix.seq - REPEATABLE:
             message = f"step {seq} lies so far before step {self.fix.seq} that its answer is gone"
             raise SequenceConflictError(message)

@@ -15,8 +15,10 @@ from homsense_cli import demo as demo_module
 from homsense_cli.__main__ import app, main
 from homsense_cli.local_service import free_port, local_service, start
 from homsense_cli.recorded import crowd_scans, floor_names, read_floor, walk_events
+from homsense_cli.replay import Replay, run_replay
 from homsense_cli.stored import add_key
 from homsense_client import Client
+from rich.console import Console
 from support.builders import SITE_MAP
 from typer.testing import CliRunner
 
@@ -159,7 +161,7 @@ def test_help_names_every_command() -> None:
 
 
 @pytest.mark.recorded
-def test_a_recorded_floor_is_read(recordings: Path) -> None:
+def test_a_recorded_floor_is_read_and_replayed(recordings: Path) -> None:
     directory = recordings / "ilc20"
     assert floor_names(directory) == ["site1_F2", "site1_F3", "site1_F4"]
     floor = read_floor(directory, "site1_F4")
@@ -171,6 +173,11 @@ def test_a_recorded_floor_is_read(recordings: Path) -> None:
     )
     events = walk_events(floor, chain)
     assert [event.t_s for event in events] == sorted(event.t_s for event in events)
+    (score,) = run_replay(directory, Replay(("site1_F4",), limit=1), Console(quiet=True))
+    assert score.complex.facets > 100
+    assert score.sensor == "registered"
+    assert score.error_m < 10.0
+    assert 0.0 < score.baseline_m < 250.0
 
 
 @pytest.mark.recorded

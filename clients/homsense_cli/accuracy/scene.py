@@ -274,10 +274,11 @@ def prepare(
     scans = [scan for number in range(phones.phones) for scan in phones.scans(world, number)]
     crowd = [frozenset(entry["id"] for entry in scan["landmarks"]) for scan in scans]
     model = tuned(free_space, crowd, hops, scenario.seed)
-    walks = tracked and RegisteredCrowd.of(
-        map(walk_scan, scans), site_map, free_space, free_space, Hearing(weakest_dbm=WEAKEST_DBM)
-    )
-    return CityScene(scenario, world, Scene.of(site_map, free_space, crowd, model, walks or None))
+    placed = None
+    if tracked:
+        hearing, walks = Hearing(weakest_dbm=WEAKEST_DBM), map(walk_scan, scans)
+        placed = RegisteredCrowd.of(walks, site_map, free_space, free_space, hearing)
+    return CityScene(scenario, world, Scene.of(site_map, free_space, crowd, model, placed))
 
 
 def walk_scan(scan: Mapping[str, Any]) -> WalkScan:
