@@ -36,7 +36,7 @@ class Backend(NamedTuple):
         As in `homsense.philox` and `homsense.stages`.
     cell_masses, draw : callable
         As in `homsense.resetting`.
-    histogram, hills, moments : callable
+    histogram, hills, label, moments : callable
         As in `homsense.histogram` and `homsense.modes`.
     """
 
@@ -49,7 +49,8 @@ class Backend(NamedTuple):
     cell_masses: Callable[[CodedCells, Integers], CellMasses]
     draw: Callable[[CodedCells, CellMasses, Weights, Weights], Particles]
     histogram: Callable[[Particles, Weights, float], Histogram]
-    hills: Callable[[tuple[int, int], IntArray, IntArray], IntArray]
+    hills: Callable[[IntArray, IntArray], IntArray]
+    label: Callable[[Histogram, Weights, IntArray], tuple[IntArray, int]]
     moments: Callable[[Particles, Weights, IntArray, int, FloatArray], Moments]
 
 
@@ -64,6 +65,7 @@ NUMPY = Backend(
     resetting.draw,
     histogram.histogram,
     modes.hills,
+    modes.label,
     modes.moments,
 )
 
@@ -118,6 +120,6 @@ def warmed() -> Backend:
     masses = chosen.cell_masses(coded, np.zeros(2, np.int32))
     chosen.draw(coded, masses, *np.hsplit(np.zeros((4, 2), np.uint32), 2))
     found = chosen.histogram(particles, weights, 1.0)
-    chosen.hills(found.smooth.shape, found.order, found.smooth.ravel())
-    chosen.moments(particles, weights, np.zeros(1, np.int64), 1, np.zeros(2))
+    of_cell = chosen.hills(found.smooth, found.order)
+    chosen.moments(particles, weights, *chosen.label(found, weights, of_cell), np.zeros(2))
     return chosen

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from homsense.backend import Backend, fastest
 from homsense.exact import wrap_turns
 from homsense.histogram import Histogram, fitting_cell_m
-from homsense.modes import Mode, label, modes
+from homsense.modes import Mode, modes
 from homsense.particles import Particles
 from homsense.recovery import Doubt
 from homsense.resample import strides
@@ -108,13 +108,13 @@ class PoseDistribution:
 
     @cached_property
     def modes(self) -> tuple[Mode, ...]:
-        """Hypotheses by falling weight; at least one."""
-        found = self.histogram
-        of_cell = self.backend.hills(found.smooth.shape, found.order, found.smooth.ravel())
-        of_mode, n_modes = label(found, of_cell)
+        """Hypotheses by falling weight: at least one, at most `homsense.modes.MAX_MODES`."""
+        found, weights = self.histogram, self._weighed[0]
+        of_cell = self.backend.hills(found.smooth, found.order)
+        of_mode, n_modes = self.backend.label(found, weights, of_cell)
         corner = np.array(found.corner)
-        sums = self.backend.moments(self.particles, self._weighed[0], of_mode, n_modes, corner)
-        return modes(sums, corner)
+        sums = self.backend.moments(self.particles, weights, of_mode, n_modes, corner)
+        return modes(sums, found.corner)
 
     @property
     def status(self) -> Literal["diffuse", "ambiguous", "tracking", "suspect"]:

@@ -5,19 +5,21 @@ the younger one becomes a part of the elder when its saddle is high (ToMATo: Cha
 Skraba 2013).
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from homsense.exact import cosine, sine
-from homsense.histogram import Histogram
+from homsense.histogram import Histogram, heaviest_first
 from homsense.particles import Particles
 from homsense.weights import Weights
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+MAX_MODES = 16
 PROMINENCE = 0.5
 NEIGHBORS = ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1))
 RADIUS_BINS = 256
@@ -53,34 +55,29 @@ class Mode(NamedTuple):
 
 
 class Moments(NamedTuple):
-    """Sums over the particles of each mode, relative to one corner.
+    """Sums over the particles of each mode, relative to one corner; the last row is the rest.
 
     Parameters
     ----------
-    sums : ndarray, shape (8, n_modes), float64
+    sums : ndarray, shape (n_modes + 1, 8), float64
         Of w, w x, w y, w x x, w x y, w y y, w cos, w sin.
-    radius_m : ndarray, shape (n_modes,), float64
-        Distance of the farthest particle from the mean.
-    near : ndarray, shape (n_modes, RADIUS_BINS), float64
-        Weight by distance from the mean, in equal steps up to that radius.
+    accuracy_m : ndarray, shape (n_modes + 1,), float64
+        Radius around the mean that holds 68 % of the mass.
     """
 
     sums: FloatArray
-    radius_m: FloatArray
-    near: FloatArray
+    accuracy_m: FloatArray
 
 
-def hills(shape: tuple[int, int], order: IntArray, smooth: IntArray) -> IntArray:
+def hills(smooth: IntArray, order: IntArray) -> IntArray:
     """Assign each cell with mass to a mode.
 
     Parameters
     ----------
-    shape : tuple of int
-        Rows and columns.
+    smooth : ndarray, shape (rows, columns), int64
+        Mass of each cell, none at the edge.
     order : ndarray, int64
         Flat indices of the cells with mass, heaviest first.
-    smooth : ndarray, shape (rows * columns,), int64
-        Mass of each cell.
 
     Returns
     -------
@@ -89,25 +86,22 @@ def hills(shape: tuple[int, int], order: IntArray, smooth: IntArray) -> IntArray
 
     Examples
     --------
-    >>> mass = np.array([4, 1, 3, 2, 3])
-    >>> hills((1, 5), np.argsort(-mass, kind="stable"), mass).tolist()
+    >>> mass = np.array([[0, 0, 0, 0, 0, 0, 0], [0, 4, 1, 3, 2, 3, 0], [0, 0, 0, 0, 0, 0, 0]])
+    >>> hills(mass, heaviest_first(mass.ravel())).tolist()
     [0, 1, 1, 1, 0]
     """
-    rows, columns = shape
+    columns, flat = smooth.shape[1], smooth.ravel()
     late = len(order)
-    rank = np.full((rows + 2, columns + 2), late)
-    inner = np.full(rows * columns, late)
-    inner[order] = np.arange(late)
-    rank[1:-1, 1:-1] = inner.reshape(rows, columns)
-    row, column = np.divmod(order, columns)
-    around = np.stack([rank[row + 1 + up, column + 1 + right] for up, right in NEIGHBORS], axis=1)
+    rank = np.full(flat.size, late)
+    rank[order] = np.arange(late)
+    around = np.stack([rank[order + up * columns + right] for up, right in NEIGHBORS], axis=1)
     uphill = np.minimum(around.min(axis=1, initial=late), np.arange(late))
     while True:
         farther = uphill[uphill]
         if np.array_equal(farther, uphill):
             break
         uphill = farther
-    return _joined(uphill, around, smooth[order])
+    return _joined(uphill, around, flat[order])
 
 
 def _joined(uphill: IntArray, around: IntArray, mass: IntArray) -> IntArray:
@@ -137,6 +131,36 @@ def _root(elder: IntArray, hill: int) -> int:
     return hill
 
 
+def label(found: Histogram, weights: Weights, of_cell: IntArray) -> tuple[IntArray, int]:
+    """Return the number of the mode of each particle.
+
+    Parameters
+    ----------
+    found : Histogram
+        Cells of the particles.
+    weights : ndarray, shape (N,), uint32
+        How heavy they are.
+    of_cell : ndarray, int64
+        What `hills` gives for the cells with mass.
+
+    Returns
+    -------
+    of_mode : ndarray, shape (N,), int64
+        Numbers from 0, the heaviest mode first; that of the rest is `n_modes`.
+    n_modes : int
+        How many modes there are, at most `MAX_MODES`.
+    """
+    nowhere = len(of_cell)
+    by_cell = np.full(found.smooth.size, nowhere)
+    by_cell[found.order] = of_cell
+    peaks = by_cell[found.cells]
+    mass = np.bincount(peaks, weights, nowhere + 1).astype(np.int64)
+    heaviest = heaviest_first(mass[:-1])[:MAX_MODES]
+    number = np.full(nowhere + 1, len(heaviest))
+    number[heaviest] = np.arange(len(heaviest))
+    return number[peaks], len(heaviest)
+
+
 def moments(
     particles: Particles, weights: Weights, of_mode: IntArray, n_modes: int, corner: FloatArray
 ) -> Moments:
@@ -149,7 +173,7 @@ def moments(
     weights : ndarray, shape (N,), uint32
         How heavy.
     of_mode : ndarray, shape (N,), int64
-        Number of the mode of each particle.
+        Number of the mode of each particle; `n_modes` for the rest.
     n_modes : int
         How many there are.
     corner : ndarray, shape (2,), float64
@@ -160,6 +184,7 @@ def moments(
     Moments
         The sums.
     """
+    groups = n_modes + 1
     x, y = particles.x_m - corner[0], particles.y_m - corner[1]
     w = weights.astype(np.float64)
     wx, wy = w * x, w * y
@@ -173,87 +198,52 @@ def moments(
         w * cosine(particles.turns),
         w * sine(particles.turns),
     )
-    sums = np.stack([np.bincount(of_mode, term, n_modes) for term in terms]).astype(np.float64)
-    mean_x, mean_y = _means(sums)
+    sums: FloatArray = np.stack([np.bincount(of_mode, term, groups) for term in terms], axis=1)
+    mass = sums[:, 0]
+    mean_x, mean_y = (sums[:, 1:3] / np.maximum(mass, 1.0)[:, None]).T
     right, up = x - mean_x[of_mode], y - mean_y[of_mode]
     distance = np.sqrt(right * right + up * up)
-    radius = np.zeros(n_modes)
+    radius = np.zeros(groups)
     np.maximum.at(radius, of_mode, distance)
     per_m = (RADIUS_BINS - 1) / np.maximum(radius, 1e-9)
     bins = (distance * per_m[of_mode]).astype(np.int64) + of_mode * RADIUS_BINS
-    near = np.bincount(bins, w, n_modes * RADIUS_BINS).astype(np.float64)
-    return Moments(sums, radius, near.reshape(n_modes, RADIUS_BINS))
+    near = np.bincount(bins, w, groups * RADIUS_BINS).reshape(groups, RADIUS_BINS)
+    short = near.cumsum(axis=1) < ACCURACY_SHARE * mass[:, None]
+    needed = short.sum(axis=1) + 1
+    return Moments(sums, radius * np.minimum(needed / (RADIUS_BINS - 1), 1.0))
 
 
-def _means(sums: FloatArray) -> tuple[FloatArray, FloatArray]:
-    mass = np.maximum(sums[0], 1.0)
-    return sums[1] / mass, sums[2] / mass
-
-
-def modes(found: Moments, corner: FloatArray) -> tuple[Mode, ...]:
+def modes(found: Moments, corner: tuple[float, float]) -> tuple[Mode, ...]:
     """Return the modes by falling weight.
 
     Parameters
     ----------
     found : Moments
         Sums for each.
-    corner : ndarray, shape (2,), float64
+    corner : tuple of float
         Where positions were counted from, metres.
 
     Returns
     -------
     tuple of Mode
-        Those with mass.
+        All but the rest.
     """
-    mass = found.sums[0]
-    total = mass.sum()
-    x, y = _means(found.sums)
-    _, _, _, xx, xy, yy, cos, sin = found.sums / np.maximum(mass, 1.0)
-    reached = np.cumsum(found.near, axis=1)
-    needed = (reached < ACCURACY_SHARE * mass[:, None]).sum(axis=1) + 1
-    accuracy = found.radius_m * np.minimum(needed / (RADIUS_BINS - 1), 1.0)
-    variance = np.stack([xx - x * x, xy - x * y, xy - x * y, yy - y * y], axis=1)
-    variance[:, [0, 3]] = np.maximum(variance[:, [0, 3]], 0.0)
-    order = np.argsort(-mass, kind="stable")
-    order = order[mass[order] > 0.0]
-    covariance = variance[order].reshape(-1, 2, 2)
-    columns = (
+    total = float(found.sums[:, 0].sum())
+    each = zip(found.sums[:-1].tolist(), found.accuracy_m[:-1].tolist(), strict=True)
+    return tuple(_mode(sums, accuracy_m, total, corner) for sums, accuracy_m in each)
+
+
+def _mode(sums: list[float], accuracy_m: float, total: float, corner: tuple[float, float]) -> Mode:
+    mass = sums[0]
+    x, y, xx, xy, yy, cos, sin = (term / mass for term in sums[1:])
+    across = xy - x * y
+    covariance = np.array([[max(xx - x * x, 0.0), across], [across, max(yy - y * y, 0.0)]])
+    return Mode(
         mass / total,
         x + corner[0],
         y + corner[1],
-        np.arctan2(sin, cos),
-        np.minimum(1.0, np.hypot(sin, cos)),
-        accuracy,
+        covariance,
+        math.atan2(sin, cos),
+        min(1.0, math.hypot(sin, cos)),
+        accuracy_m,
     )
-    rows = np.stack(columns, axis=1)[order].tolist()
-    return tuple(
-        Mode(weight, east, north, spread, heading, resultant, accuracy_m)
-        for spread, (weight, east, north, heading, resultant, accuracy_m) in zip(
-            covariance, rows, strict=True
-        )
-    )
-
-
-def label(found: Histogram, of_cell: IntArray) -> tuple[IntArray, int]:
-    """Return the number of the mode of each particle.
-
-    Parameters
-    ----------
-    found : Histogram
-        Cells of the particles.
-    of_cell : ndarray, int64
-        What `hills` gives for the cells with mass.
-
-    Returns
-    -------
-    of_mode : ndarray, shape (N,), int64
-        Numbers from 0.
-    n_modes : int
-        How many there are.
-    """
-    is_peak = np.zeros(len(of_cell), np.bool_)
-    is_peak[of_cell] = True
-    number = np.cumsum(is_peak) - 1
-    by_cell = np.zeros(found.smooth.size, np.int64)
-    by_cell[found.order] = number[of_cell]
-    return by_cell[found.cells], int(number[-1]) + 1

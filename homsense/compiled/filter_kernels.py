@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from homsense.compiled import exact, resetting, stages, summary
+from homsense.compiled import exact, histograms, peaks, resetting, stages
 from homsense.compiled.jit import fingerprint, kept
 from homsense.free_space import Walls
 from homsense.grid import Raster
@@ -196,25 +196,46 @@ def histogram(particles: Particles, weights: Weights, cell_m: float) -> Histogra
     return Histogram(cell_m, *_histogram(particles, weights, np.float32(1.0 / cell_m)))
 
 
-def hills(shape: tuple[int, int], order: IntArray, smooth: IntArray) -> IntArray:
+def hills(smooth: IntArray, order: IntArray) -> IntArray:
     """Assign each cell with mass to a mode.
 
     Parameters
     ----------
-    shape : tuple of int
-        Rows and columns.
+    smooth : ndarray, shape (rows, columns), int64
+        Mass of each cell, none at the edge.
     order : ndarray, int64
         Flat indices of the cells with mass, heaviest first.
-    smooth : ndarray, shape (rows * columns,), int64
-        Mass of each cell.
 
     Returns
     -------
     ndarray, shape (len(order),), int64
         As `homsense.modes.hills` gives it.
     """
-    found: IntArray = _hills(*shape, order, smooth)
+    found: IntArray = _hills(smooth, order)
     return found
+
+
+def label(found: Histogram, weights: Weights, of_cell: IntArray) -> tuple[IntArray, int]:
+    """Return the number of the mode of each particle.
+
+    Parameters
+    ----------
+    found : Histogram
+        Cells of the particles.
+    weights : ndarray, shape (N,), uint32
+        How heavy they are.
+    of_cell : ndarray, int64
+        What `hills` gives for the cells with mass.
+
+    Returns
+    -------
+    of_mode : ndarray, shape (N,), int64
+        As `homsense.modes.label` gives them.
+    n_modes : int
+        How many modes there are.
+    """
+    of_mode, n_modes = _label(found.cells, found.smooth.size, found.order, weights, of_cell)
+    return of_mode, n_modes
 
 
 def moments(
@@ -229,7 +250,7 @@ def moments(
     weights : ndarray, shape (N,), uint32
         How heavy.
     of_mode : ndarray, shape (N,), int64
-        Number of the mode of each particle.
+        Number of the mode of each particle; `n_modes` for the rest.
     n_modes : int
         How many there are.
     corner : ndarray, shape (2,), float64
@@ -276,15 +297,19 @@ def _outermost(fingerprint: str) -> tuple[Callable[..., Any], ...]:
 
     def histogram(particles, weights, per_m):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
         fingerprint  # noqa: B018
-        return summary.histogram(particles, weights, per_m)
+        return histograms.histogram(particles, weights, per_m)
 
-    def hills(rows, columns, order, smooth):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    def hills(smooth, order):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
         fingerprint  # noqa: B018
-        return summary.hills(rows, columns, order, smooth)
+        return peaks.hills(smooth, order)
+
+    def label(cells, size, order, weights, of_cell):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+        fingerprint  # noqa: B018
+        return peaks.label(cells, size, order, weights, of_cell)
 
     def moments(particles, weights, of_mode, n_modes, corner):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
         fingerprint  # noqa: B018
-        return summary.moments(particles, weights, of_mode, n_modes, corner)
+        return peaks.moments(particles, weights, of_mode, n_modes, corner)
 
     return (
         kept(words),
@@ -296,6 +321,7 @@ def _outermost(fingerprint: str) -> tuple[Callable[..., Any], ...]:
         kept(draw),
         kept(histogram),
         kept(hills),
+        kept(label),
         kept(moments),
     )
 
@@ -310,5 +336,6 @@ def _outermost(fingerprint: str) -> tuple[Callable[..., Any], ...]:
     _draw,
     _histogram,
     _hills,
+    _label,
     _moments,
-) = _outermost(fingerprint(exact, resetting, stages, summary))
+) = _outermost(fingerprint(exact, histograms, peaks, resetting, stages))

@@ -18,7 +18,6 @@ from homsense_service.sensors import Measured, Sensor
 from homsense_service.sessions import Session
 
 LEVELS = (0.5, 0.9, 0.95)
-MAX_MODES = 16
 COVERAGE_SAMPLE = 200
 
 
@@ -48,7 +47,7 @@ def render_pose(session: Session, fix: Fix) -> schemas.PoseOut:
         if known
         else None,
         confidence=top.weight,
-        modes=[_mode(mode) for mode in modes[:MAX_MODES]],
+        modes=[_mode(mode) for mode in modes],
         region_area_m2={f"{level:.0%}": pose.region_area_m2(level) for level in LEVELS},
         measurement=_measurement(run.sensor, fix.measured),
         coverage=coverage,
@@ -153,7 +152,7 @@ def render_geojson(pose: homsense.PoseDistribution, site_map: homsense.SiteMap) 
             shapely.Point(mode.x_m, mode.y_m),
             {"kind": "mode", "weight": mode.weight, "accuracy_m": mode.accuracy_m},
         )
-        for mode in pose.modes[:MAX_MODES]
+        for mode in pose.modes
     ]
     regions = [
         feature(

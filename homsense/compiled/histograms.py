@@ -1,0 +1,160 @@
+"""The position histogram, compiled; see `homsense.histogram`."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homsense import histogram as reference
+from homsense.compiled.jit import allocating, apart
+from homsense.particles import Particles
+
+Array = NDArray[Any]
+
+_MARGIN = reference.MARGIN
+_DIGIT_BITS, _DIGITS = 8, 256
+
+
+@allocating
+def histogram(
+    particles: Particles, weights: Array, per_m: Any
+) -> tuple[int, int, Array, Array, Array]:
+    """Return the first column and row, the cell of each particle, the smoothed mass, its order.
+
+    Parameters
+    ----------
+    particles : Particles
+        Where.
+    weights : ndarray, shape (N,), uint32
+        How heavy.
+    per_m : float32
+        Cells a metre.
+
+    Returns
+    -------
+    column, row : int
+        First cell.
+    cells : ndarray, shape (N,), int64
+        Flat indices.
+    smooth : ndarray, shape (rows, columns), int64
+        Smoothed mass.
+    order : ndarray, int64
+        Flat indices of the cells with mass, heaviest first.
+    """
+    west, east, south, north = _extent(particles, per_m)
+    columns, rows = east - west + 2 * _MARGIN + 1, north - south + 2 * _MARGIN + 1
+    west, south = west - _MARGIN, south - _MARGIN
+    cells, size = np.empty(len(weights), np.int64), rows * columns
+    mass, smooth = np.zeros(size, np.int64), np.zeros(size, np.int64)
+    _fill(particles, weights, per_m, west, south, columns, cells, mass)
+    _smooth(mass, 1, smooth)
+    _smooth(smooth, columns, mass)
+    return west, south, cells, mass.reshape(rows, columns), heaviest_first(mass)
+
+
+@allocating
+def heaviest_first(smooth: Array) -> Array:
+    """Return the cells with mass in falling order.
+
+    Parameters
+    ----------
+    smooth : ndarray, int64
+        Mass of each cell, not negative.
+
+    Returns
+    -------
+    ndarray, int64
+        Indices; of equals the first comes first.
+    """
+    size = len(smooth)
+    keys, order = np.empty(size, np.int64), np.empty(size, np.int64)
+    next_keys, next_order = np.empty(size, np.int64), np.empty(size, np.int64)
+    starts = np.empty(_DIGITS, np.int64)
+    count, most = _with_mass(smooth, keys, order)
+    for shift in range(0, 64, _DIGIT_BITS):
+        if most >> np.uint64(shift) == 0:
+            break
+        _by_digit(count, np.uint64(shift), keys, order, next_keys, next_order, starts)
+        keys, order, next_keys, next_order = next_keys, next_order, keys, order
+    return order[:count].copy()
+
+
+@apart
+def _with_mass(smooth: Array, keys: Array, order: Array) -> Any:
+    count, most = 0, np.uint64(0)
+    for cell in range(len(smooth)):
+        keys[count], order[count] = smooth[cell], cell
+        count += smooth[cell] > 0
+        most = max(most, np.uint64(smooth[cell]))
+    return count, most
+
+
+@apart
+def _by_digit(
+    count: int,
+    shift: Any,
+    keys: Array,
+    order: Array,
+    next_keys: Array,
+    next_order: Array,
+    starts: Array,
+) -> None:
+    """Sort by one digit, the largest first; equals stay in their order."""
+    last = np.uint64(_DIGITS - 1)
+    for digit in range(_DIGITS):
+        starts[digit] = 0
+    for place in range(count):
+        starts[last - (np.uint64(keys[place]) >> shift & last)] += 1
+    start = 0
+    for digit in range(_DIGITS):
+        start, starts[digit] = start + starts[digit], start
+    for place in range(count):
+        digit = last - (np.uint64(keys[place]) >> shift & last)
+        target = np.uint64(starts[digit])
+        next_keys[target], next_order[target] = keys[place], order[place]
+        starts[digit] += 1
+
+
+@apart
+def _extent(particles: Particles, per_m: Any) -> Any:
+    x, y = particles.x_m[0], particles.y_m[0]
+    least_x, most_x, least_y, most_y = x, x, y, y
+    for index in range(len(particles.x_m)):
+        x, y = particles.x_m[index], particles.y_m[index]
+        least_x, most_x = min(least_x, x), max(most_x, x)
+        least_y, most_y = min(least_y, y), max(most_y, y)
+    return (
+        np.int64(np.floor(least_x * per_m)),
+        np.int64(np.floor(most_x * per_m)),
+        np.int64(np.floor(least_y * per_m)),
+        np.int64(np.floor(most_y * per_m)),
+    )
+
+
+@apart
+def _fill(
+    particles: Particles,
+    weights: Array,
+    per_m: Any,
+    west: int,
+    south: int,
+    columns: int,
+    cells: Array,
+    mass: Array,
+) -> None:
+    for index in range(len(weights)):
+        column = np.int64(np.floor(particles.x_m[index] * per_m)) - west
+        row = np.int64(np.floor(particles.y_m[index] * per_m)) - south
+        cells[index] = row * columns + column
+        mass[np.uint64(cells[index])] += np.int64(weights[index])
+
+
+@apart
+def _smooth(mass: Array, apart: int, smooth: Array) -> None:
+    """Apply the kernel along the cells that lie so far apart; what it meets at the edge is 0."""
+    step = np.uint64(apart)
+    twice = step + step
+    for shifted in range(len(mass) - 4 * apart):
+        cell = np.uint64(shifted) + twice
+        near, far = mass[cell - step] + mass[cell + step], mass[cell - twice] + mass[cell + twice]
+        smooth[cell] = 6 * mass[cell] + 4 * near + far
