@@ -323,27 +323,43 @@ def systematic(
     """
     x, y = np.empty(count, np.float32), np.empty(count, np.float32)
     turns, log_weight = np.empty(count, np.float32), np.zeros(count, np.int32)
+    reached, until = np.empty(len(weight), np.int64), np.empty(len(weight), np.uint32)
     ancestors = np.zeros(count + 1, np.uint32)
-    _stride(weight, total, offset, ancestors)
+    _stride(weight, offset, count, reached)
+    _divide(reached, total, until)
+    _settle(until, ancestors)
     _copy(particles, ancestors, x, y, turns)
     return x, y, turns, log_weight
 
 
 @apart
-def _stride(weight: Array, total: int, offset: int, ancestors: Array) -> None:
-    """Write each particle where its first offspring goes; of equal places the last one counts.
+def _stride(weight: Array, offset: int, count: int, reached: Array) -> None:
+    before = np.int64(-offset)
+    for index in range(len(weight)):
+        reached[index] = before
+        before += np.int64(count) * np.int64(weight[index])
+
+
+@apart
+def _divide(reached: Array, total: int, until: Array) -> None:
+    """Divide and round up.
 
     The quotient is rounded in floating point and then put right, since a division of whole
     numbers takes longer than all the rest.
     """
-    count, all_of_it = np.int64(len(ancestors) - 1), np.int64(total)
-    reached, until, per_total = np.int64(-offset), np.int64(0), 1.0 / total
-    for index in range(len(weight)):
-        ancestors[np.uint64(until)] = index
-        reached += count * np.int64(weight[index])
-        until = np.int64(np.float64(reached) * per_total)
-        until += np.int64(until * all_of_it < reached)
-        until -= np.int64((until - 1) * all_of_it >= reached)
+    all_of_it, per_total = np.int64(total), 1.0 / total
+    for index in range(len(reached)):
+        quotient = np.int64(np.float64(reached[index]) * per_total)
+        quotient += np.int64(quotient * all_of_it < reached[index])
+        quotient -= np.int64((quotient - 1) * all_of_it >= reached[index])
+        until[index] = np.uint32(quotient)
+
+
+@apart
+def _settle(until: Array, ancestors: Array) -> None:
+    """Write each particle where its first offspring goes; of equal places the last one counts."""
+    for index in range(len(until)):
+        ancestors[until[index]] = index
 
 
 @apart
