@@ -329,7 +329,8 @@ class Localizer:
             kept = chosen(particles, scheme(weights, words, count - injected))
         if fresh is None or not injected:
             return kept, 0
-        which, place = np.hsplit(random_words(*key, Purpose.RELOCATION, 2 * injected), 2)
+        words = random_words(*key, Purpose.RELOCATION, 2 * injected)
+        which, place = words[:, :injected], words[:, injected:]
         drawn = self.backend.draw(self.code_map.coded_cells, fresh.masses, which, place)
         return joined([kept, drawn]), injected
 

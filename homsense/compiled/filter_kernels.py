@@ -87,7 +87,7 @@ def reweigh(particles: Particles, raster: Raster, codes: Codes, table: Integers)
         As `homsense.stages.reweigh` gives it.
     """
     log_weight, *summed = _reweigh(particles, raster, codes, table)
-    return Reweighed(particles._replace(log_weight=log_weight), *map(int, summed))
+    return Reweighed(Particles(*particles[:3], log_weight), *map(int, summed))
 
 
 def weigh(particles: Particles) -> tuple[Weights, WeightSums]:

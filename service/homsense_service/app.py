@@ -139,7 +139,7 @@ def create_app(
             expose_headers=["etag", "retry-after", "x-request-id"],
         )
     app.add_middleware(Manners)
-    for module in (health, sites, expectations, registrations, scans, sessions, live, keys):
+    for module in (sessions, scans, live, sites, expectations, registrations, keys, health):
         app.include_router(module.router)
     return app
 
