@@ -216,6 +216,7 @@ def expect(  # noqa: PLR0913 - all that a simulation takes
     hops: Sequence[int] = HOPS,
     *,
     worlds: int = WORLDS,
+    walked: FloatArray | None = None,
     seed: int = 0,
     engine: Engine | None = None,
     on_world: Callable[[int], None] = lambda _number: None,
@@ -232,6 +233,9 @@ def expect(  # noqa: PLR0913 - all that a simulation takes
         Neighborhoods, rising; see `Expectation.best_hops`.
     worlds : int, default 24
         How many placements to simulate.
+    walked : ndarray, shape (W, 2), float64, optional
+        Where the crowd has been, metres: the places of its registered complex. Where nobody walks,
+        holes stay open; a crowd that is not known is taken to have been everywhere alike.
     seed : int, default 0
         Decides them.
     engine : Engine, optional
@@ -246,7 +250,10 @@ def expect(  # noqa: PLR0913 - all that a simulation takes
     """
     stage, tried = Stage.of(free_space), tuple(hops)
     found = []
-    for world in simulate(stage, radio, tried, worlds=worlds, seed=seed, engine=engine):
+    simulated = simulate(
+        stage, radio, tried, worlds=worlds, walked=walked, seed=seed, engine=engine
+    )
+    for world in simulated:
         found.append(world)
         on_world(len(found))
     return Expectation.of(stage, tried, found)

@@ -1,13 +1,13 @@
 """How a site hears its transmitters, learnt from scans whose places nobody knows.
 
-Random placements on the map are heard by a random crowd; the range, the dropout and the evenness
-of the placement under which scans look most like the site's own are taken for the site's.
+Random placements on the map are heard by a random crowd, or by one that walks where the site's was
+found to walk (`homsense.registered`). The range, the dropout and the evenness whose scans are most
+like the site's own, in the mean over a few placements, are taken for the site's.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,7 @@ MOST_SCANS = 1500
 MOST_CROWD = 6000
 _MOST_PAIRS = 400_000
 _RANGE_STEP_M = 0.5
+_PLACEMENTS = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,6 +112,35 @@ def free_places(free_space: FreeSpace, rng: Rng, count: int) -> FloatArray:
     return np.stack(free_space.draw(words), axis=1, dtype=np.float64)
 
 
+def crowd_places(
+    free_space: FreeSpace, rng: Rng, count: int, walked: FloatArray | None = None
+) -> FloatArray:
+    """Draw places for the scans of a crowd.
+
+    Parameters
+    ----------
+    free_space : FreeSpace
+        Where.
+    rng : numpy.random.Generator
+        Decides.
+    count : int
+        How many.
+    walked : ndarray, shape (W, 2), float64, optional
+        Where a crowd has been, metres; those in free space are drawn, all equally often. It can
+        have been anywhere when absent.
+
+    Returns
+    -------
+    ndarray, shape (count, 2), float64
+        Metres.
+    """
+    known = np.empty((0, 2)) if walked is None else walked[free_space.contains(walked)]
+    if not len(known):
+        return free_places(free_space, rng, count)
+    drawn: FloatArray = known[np.resize(rng.permutation(len(known)), count)]
+    return drawn
+
+
 def placement(free_space: FreeSpace, rng: Rng, count: int, evenness: int) -> FloatArray:
     """Draw places for transmitters, each the best of some candidates (Mitchell 1991).
 
@@ -149,6 +179,7 @@ def estimate_radio(
     *,
     transmitters: int | None = None,
     scans: int | None = None,
+    walked: FloatArray | None = None,
     seed: int = 0,
 ) -> RadioModel:
     """Learn range, dropout and evenness from unlabeled scans by simulated moments.
@@ -161,6 +192,8 @@ def estimate_radio(
         What scans have heard; empty ones are ignored.
     transmitters, scans : int, optional
         How many the site has, when the observations are a sample.
+    walked : ndarray, shape (W, 2), float64, optional
+        Where the observations were made, metres: the places of a registered complex.
     seed : int, default 0
         Decides the placements that are tried.
 
@@ -186,18 +219,15 @@ def estimate_radio(
     some = [heard[i] for i in rng.permutation(len(heard))[:most]]
     scan = np.repeat(np.arange(len(some)), [len(observation) for observation in some])
     what = np.array([names[name] for observation in some for name in sorted(observation)])
-    observed = _looks(scan, what, len(names))
-    tried = product(EVENNESS, DROPOUTS)
-    models = (
-        _Fitted.of(free_space, rng, observed, count, evenness, dropout)
-        for evenness, dropout in tried
-    )
-    best = min(models, key=lambda fitted: fitted.misfit)
+    site = _Heard(free_space, count, _looks(scan, what, len(names)), walked)
+    tried = [[_fits(site, rng, even) for _ in range(_PLACEMENTS)] for even in EVENNESS]
+    misfit, range_m = np.moveaxis(np.mean(tried, axis=1), -1, 0)
+    best = evenness, dropout = np.unravel_index(misfit.argmin(), misfit.shape)
     return RadioModel(
         count,
-        max(1, round(best.range_m / _RANGE_STEP_M)) * _RANGE_STEP_M,
-        best.dropout,
-        best.evenness,
+        max(1, round(range_m[best] / _RANGE_STEP_M)) * _RANGE_STEP_M,
+        DROPOUTS[dropout],
+        EVENNESS[evenness],
         min(MOST_CROWD, scans or len(heard)),
     )
 
@@ -211,44 +241,44 @@ class _Looks:
 
 
 @dataclass(frozen=True, slots=True)
-class _Fitted:
-    misfit: float
-    range_m: float
-    dropout: float
-    evenness: int
+class _Heard:
+    """What is known of a site before its radio is."""
 
-    @classmethod
-    def of(
-        cls,
-        free_space: FreeSpace,
-        rng: Rng,
-        observed: _Looks,
-        transmitters: int,
-        evenness: int,
-        dropout: float,
-    ) -> "_Fitted":
-        where = placement(free_space, rng, transmitters, evenness)
-        places = free_places(free_space, rng, len(observed.sizes))
-        grid = free_space.grid
-        farthest = np.hypot(grid.columns, grid.rows) * grid.cell_m
-        wanted = float(observed.sizes.mean())
-        reach = farthest / 8.0
-        while True:
-            seen = in_view(free_space, where, places, reach)
-            kept = seen.kept(rng.random(len(seen.place)) >= dropout)
-            range_m = _range_for(kept, wanted)
-            if range_m is not None or reach >= farthest:
+    free_space: FreeSpace
+    transmitters: int
+    looks: _Looks
+    walked: FloatArray | None
+
+
+def _fits(site: _Heard, rng: Rng, evenness: int) -> list[tuple[float, float]]:
+    """Place transmitters once; return misfit and range under each dropout."""
+    free_space, observed, grid = site.free_space, site.looks, site.free_space.grid
+    where = placement(free_space, rng, site.transmitters, evenness)
+    places = crowd_places(free_space, rng, len(observed.sizes), site.walked)
+    farthest = float(np.hypot(grid.columns, grid.rows) * grid.cell_m)
+    wanted = float(observed.sizes.mean())
+    found, reach = [], farthest / 8.0
+    seen = in_view(free_space, where, places, reach)
+    missed = rng.random(len(seen.place))
+    for dropout in DROPOUTS:
+        while (range_m := _range_for(kept := seen.kept(missed >= dropout), wanted)) is None:
+            if reach >= farthest:
+                range_m = farthest
                 break
             reach = min(2.0 * reach, farthest)
-        if range_m is None:
-            range_m = farthest
+            seen = in_view(free_space, where, places, reach)
+            missed = rng.random(len(seen.place))
         within = kept.kept(kept.distance_m <= range_m)
-        simulated = _looks(within.place, within.transmitter, transmitters)
-        if not len(simulated.sizes):
-            return cls(math.inf, range_m, dropout, evenness)
-        misfit = earth_mover_distance(simulated.sizes, observed.sizes) / wanted
-        misfit += earth_mover_distance(simulated.likeness, observed.likeness)
-        return cls(float(misfit), range_m, dropout, evenness)
+        found.append((_misfit(within, site), range_m))
+    return found
+
+
+def _misfit(heard: Sightings, site: _Heard) -> float:
+    observed, simulated = site.looks, _looks(heard.place, heard.transmitter, site.transmitters)
+    if not len(simulated.sizes):
+        return math.inf
+    apart = earth_mover_distance(simulated.sizes, observed.sizes) / float(observed.sizes.mean())
+    return float(apart + earth_mover_distance(simulated.likeness, observed.likeness))
 
 
 def _range_for(seen: Sightings, wanted: float) -> float | None:

@@ -12,7 +12,7 @@ from homsense.free_space import FreeSpace
 from homsense.grid import Grid
 from homsense.height import HeightMap
 from homsense.profiles import Profiles
-from homsense.radio import RadioModel, free_places, placement
+from homsense.radio import RadioModel, crowd_places, placement
 from homsense.sight import in_view
 from homsense.simplicial import LandmarkComplex
 
@@ -102,12 +102,13 @@ class World(NamedTuple):
     profiles: FloatArray
 
 
-def simulate(
+def simulate(  # noqa: PLR0913 - all that a simulation takes
     stage: Stage,
     radio: RadioModel,
     hops: Sequence[int],
     *,
     worlds: int = WORLDS,
+    walked: FloatArray | None = None,
     seed: int = 0,
     engine: Engine | None = None,
 ) -> Iterator[World]:
@@ -123,6 +124,8 @@ def simulate(
         Neighborhoods, rising.
     worlds : int, default 24
         How many placements.
+    walked : ndarray, shape (W, 2), float64, optional
+        Where the crowd has been, metres; anywhere when absent.
     seed : int, default 0
         Decides them.
     engine : Engine, optional
@@ -137,7 +140,7 @@ def simulate(
     for world in range(worlds):
         rng = np.random.Generator(np.random.Philox(key=[seed, world]))
         where = placement(free_space, rng, radio.transmitters, radio.evenness)
-        crowd = free_places(free_space, rng, radio.scans)
+        crowd = crowd_places(free_space, rng, radio.scans, walked)
         heard = radio.heard(in_view(free_space, where, crowd, radio.range_m), rng)
         scans = [[names[i] for i in seen] for seen in heard.by_place(len(crowd))]
         grown = LandmarkComplex.from_observations([seen for seen in scans if seen], engine)

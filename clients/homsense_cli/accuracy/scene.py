@@ -224,6 +224,7 @@ def tuned(
     crowd: Sequence[frozenset[str]],
     hops: Sequence[int] | None,
     seed: int,
+    placed: RegisteredComplex | None = None,
 ) -> tuple[RadioModel, Expectation]:
     """Return what a site learns from its scans about its radio and its sensor.
 
@@ -237,14 +238,26 @@ def tuned(
         Neighborhoods; chosen by the information they carry when absent.
     seed : int
         Of the simulated placements.
+    placed : RegisteredComplex, optional
+        The same crowd on the map: where it walks.
 
     Returns
     -------
     tuple of RadioModel and Expectation
-        Without any position.
+        Without any label.
     """
-    radio = estimate_radio(free_space, crowd, seed=seed)
-    expected = expect(free_space, radio, hops or HOPS, seed=seed)
+    walked, heard = None, crowd
+    if placed is not None and not placed.registration.is_doubtful:
+        walked, heard = placed.xy, [crowd[number] for number in placed.source]
+    radio = estimate_radio(
+        free_space,
+        heard,
+        transmitters=len(frozenset().union(*crowd)),
+        scans=sum(map(bool, crowd)),
+        walked=walked,
+        seed=seed,
+    )
+    expected = expect(free_space, radio, hops or HOPS, walked=walked, seed=seed)
     return radio, expected.narrowed(hops or expected.best_hops)
 
 
@@ -273,11 +286,12 @@ def prepare(
     phones = Crowd(scenario.seed, scenario.phones, scenario.scans_each)
     scans = [scan for number in range(phones.phones) for scan in phones.scans(world, number)]
     crowd = [frozenset(entry["id"] for entry in scan["landmarks"]) for scan in scans]
-    model = tuned(free_space, crowd, hops, scenario.seed)
     placed = None
     if tracked:
         hearing, walks = Hearing(weakest_dbm=WEAKEST_DBM), map(walk_scan, scans)
         placed = RegisteredCrowd.of(walks, site_map, free_space, free_space, hearing)
+    where = None if placed is None else placed.registered
+    model = tuned(free_space, crowd, hops, scenario.seed, where)
     return CityScene(scenario, world, Scene.of(site_map, free_space, crowd, model, placed))
 
 

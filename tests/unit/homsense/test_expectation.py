@@ -25,7 +25,7 @@ from homsense import (
     sense_local_homology,
 )
 from homsense.likelihood import CodeLikelihood
-from homsense.radio import free_places, placement
+from homsense.radio import crowd_places, free_places, placement
 from homsense.sight import in_view
 from homsense.simulation import Stage, simulate
 
@@ -100,6 +100,46 @@ def test_range_and_dropout_are_learnt_without_a_position(truth: RadioModel) -> N
     assert found.transmitters <= truth.transmitters
     assert found.range_m == pytest.approx(truth.range_m, rel=0.15)
     assert found.dropout == pytest.approx(truth.dropout, abs=0.11)
+
+
+def test_a_crowd_walks_where_it_is_known_to_have_walked() -> None:
+    walked = np.concatenate([free_places(FREE, _rng(1), 30), [[22.0, 22.0], [-900.0, 0.0]]])
+    drawn = crowd_places(FREE, _rng(2), 75, walked)
+    assert FREE.contains(drawn).all()
+    places, times = np.unique(drawn, axis=0, return_counts=True)
+    assert len(places) == 30
+    assert {*times} == {2, 3}
+    for unknown in (None, walked[30:]):
+        anywhere = crowd_places(FREE, _rng(2), 75, unknown)
+        np.testing.assert_array_equal(anywhere, free_places(FREE, _rng(2), 75))
+
+
+def test_a_crowd_that_keeps_to_a_few_lanes_tells_the_range_by_where_it_walks() -> None:
+    """Who walks in the lanes between buildings hears less than one who may be anywhere."""
+    everywhere = free_places(FREE, _rng(3), 20_000)
+    west_of_blocks = (everywhere[:, 0] + 25.0) % 70.0 < 25.0
+    south_of_blocks = (everywhere[:, 1] + 25.0) % 70.0 < 25.0
+    walked = everywhere[west_of_blocks ^ south_of_blocks][:1200]
+    errors = []
+    for seed in range(3):
+        rng = _rng(seed)
+        where = placement(FREE, rng, RADIO.transmitters, RADIO.evenness)
+        seen = RADIO.heard(in_view(FREE, where, walked, RADIO.range_m), rng)
+        crowd = [frozenset(map(str, heard.tolist())) for heard in seen.by_place(len(walked))]
+        found = [estimate_radio(FREE, crowd, walked=known, seed=seed) for known in (None, walked)]
+        errors.append([abs(radio.range_m - RADIO.range_m) for radio in found])
+    blind, knowing = np.mean(errors, axis=0)
+    assert knowing < 2.5
+    assert knowing < 0.5 * blind
+
+
+def test_a_crowd_that_has_walked_in_one_part_finds_the_holes_of_that_part() -> None:
+    everywhere, there = free_places(FREE, _rng(4), 4000), np.array([[55.0, 55.0], [125.0, 55.0]])
+    walked = everywhere[everywhere[:, 0] < 60.0]
+    found = expect(FREE, RADIO, (1, 2, 3), worlds=4, walked=walked)
+    holes, usual = (height.at(there) for height in (found.heights[2], _expected().heights[2]))
+    assert (holes > 1.0).all()
+    assert (holes < 0.5 * usual).all()
 
 
 def test_nothing_is_learnt_from_no_scans() -> None:
