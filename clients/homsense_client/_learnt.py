@@ -15,6 +15,7 @@ class Learnt:
     range_m: float
     dropout: float
     evenness: int
+    knows_crowd: bool
     hops: tuple[int, ...]
     information_bits: tuple[float, ...]
     correlation_m: float

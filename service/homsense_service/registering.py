@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 import homsense
+from homsense.radio import MOST_SCANS
 from homsense.registered.placing import MOST_LAID_OUT, STAGES
 from homsense_service.background import GROWN, Background, Builder, Words
 from homsense_service.errors import RegistrationFailedError, RegistrationPendingError
 from homsense_service.records import StoredScan
 from homsense_service.versions import MapVersion
 
-SAMPLED = 200
 EXTENDED = 1.05
 HEARINGS = (homsense.Hearing(), homsense.Hearing(weakest_dbm=-95.0))
 _WORDS = Words(
@@ -195,7 +195,7 @@ def _registered(
     laid_out: int,
 ) -> Registered:
     version = question.map_version
-    some = np.arange(0, found.size, max(1, found.size // SAMPLED))
+    some = np.arange(0, found.size, max(1, found.size // MOST_SCANS))
     free = version.free_space
     ground = free.grid.centers()[free.free[:-1]]
     return Registered(

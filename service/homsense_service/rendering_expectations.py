@@ -26,6 +26,7 @@ def _learnt(known: Learnt) -> schemas.LearntOut:
         range_m=radio.range_m,
         dropout=radio.dropout,
         evenness=radio.evenness,
+        knows_crowd=known.knows_crowd,
         hops=list(expectation.best_hops),
         information_bits=list(expectation.information_bits),
         correlation_m=expectation.correlation_m,

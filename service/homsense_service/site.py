@@ -4,6 +4,7 @@ import hashlib
 import threading
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from itertools import islice
 from typing import Any, Literal
 
@@ -13,7 +14,7 @@ from homsense.likelihood import CodeLikelihood
 from homsense_service.background import Builder
 from homsense_service.checkpoints import Digested
 from homsense_service.errors import MapMissingError
-from homsense_service.expecting import Expecting, Learnt, Question
+from homsense_service.expecting import Expecting, Learnt, Question, WalkedCrowd
 from homsense_service.floors import RankingFloors
 from homsense_service.pseudonyms import canonical
 from homsense_service.records import NumberedScan, SiteConfig, StoredReading, StoredScan
@@ -249,13 +250,14 @@ class Site:
         """Return what counts tell about the place of a scan, judged by a registered crowd."""
         if sensor.noise is None:
             return 0.0
-        seen = map(self._in_view, crowd.sample)
+        some = slice(None, None, max(1, len(crowd.sample) // _COUNTED))
+        seen = map(self._in_view, crowd.sample[some])
         counted = [self._count(visible, sensor) if visible else None for visible in seen]
         made = [number for number, counts in enumerate(counted) if counts is not None]
         reachable = self.reachable(crowd.map_version)
         weigh = CodeLikelihood(self.code_map(reachable, sensor.heights), sensor.noise)
         return homsense.mean_advantage_bits(
-            weigh, [counted[number] for number in made], crowd.sample_xy[made]
+            weigh, [counted[number] for number in made], crowd.sample_xy[some][made]
         )
 
     def _count(self, visible: frozenset[str], sensor: Sensor) -> tuple[float, ...] | None:
@@ -298,7 +300,18 @@ class Site:
             self._sample,
             now.landmark_complex.n_landmarks,
             now.number,
+            self._walked_crowd,
         )
+
+    def _walked_crowd(self) -> WalkedCrowd | None:
+        """Return where the crowd walks, if it has a place on the map beyond doubt."""
+        crowd = self.registering.current
+        if crowd is None or crowd.map_version is not self.map:
+            return None
+        if crowd.complex.registration.is_doubtful:
+            return None
+        seen = partial(map, self._in_view, crowd.sample)
+        return WalkedCrowd(crowd.complex.xy, crowd.sample_xy, seen, crowd.names)
 
     def code_map(
         self, reachable: homsense.FreeSpace, heights: tuple[homsense.HeightMap, ...]

@@ -57,6 +57,7 @@ def test_a_site_learns_its_radio_and_sessions_measure_with_it(town: TestClient) 
     assert begun.json()["state"] in {"building", "ready"}
     learnt = _ready(town)["learnt"]
     assert abs(learnt["range_m"] - 72.0) < 12.0
+    assert learnt["knows_crowd"] is False
     assert learnt["hops"] == list(range(1, len(learnt["hops"]) + 1))
     assert learnt["information_bits"][-1] > 2.0
     opened = town.post(f"{SITE}/sessions", json={"seed": 1, "particles": 500}).json()

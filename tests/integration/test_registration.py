@@ -130,6 +130,17 @@ def test_the_crowd_finds_its_place(floor: TestClient) -> None:
     assert len(places["features"]) == placed["scans"] > 900
 
 
+def test_the_site_learns_what_it_counts_from_where_the_crowd_walks(floor: TestClient) -> None:
+    ready(floor)
+    for _ in range(600):
+        told = floor.post(f"{SITE}/expectation").json()
+        if told["state"] == "ready" and told["learnt"]["knows_crowd"]:
+            break
+        time.sleep(0.1)
+    assert told["learnt"]["knows_crowd"] is True
+    assert floor.post(f"{SITE}/expectation").json() == told
+
+
 def test_a_session_finds_itself_among_the_crowd(floor: TestClient) -> None:
     ready(floor)
     request = {"seed": 3, "particles": 4000, "sensor": {"type": "registered"}}

@@ -8,7 +8,7 @@ from homsense_service.schemas.wire import Wire
 
 
 class LearntOut(Wire):
-    """What the scans of a site say about its radio and its sensor, without any position."""
+    """What the scans of a site say about its radio and its sensor, without any label."""
 
     map_version: str
     scans: int = Field(description="How many there were.")
@@ -18,6 +18,10 @@ class LearntOut(Wire):
     evenness: int = Field(
         description="Of how many random places each transmitter took the one farthest from all "
         "others; 1 when they were placed independently."
+    )
+    knows_crowd: bool = Field(
+        description="Whether the crowd had found its place on the map; else it is taken to walk "
+        "everywhere alike."
     )
     hops: list[int] = Field(description="Neighborhoods worth counting.")
     information_bits: list[float] = Field(
