@@ -1,8 +1,8 @@
 """The accuracy that is promised: many robots, each beside its controls. Rewrites docs/accuracy/.
 
-Five generated downtowns, and the centre of Helsinki and recorded mall floors where the folder of
-recorded data is given; names after it measure some alone. Fails when a promise about generated
-downtowns or Helsinki is not kept.
+Five generated downtowns, two of them with the registered crowd as well, other styles of cities,
+and the centre of Helsinki and recorded mall floors where the folder of recorded data is given;
+names after it measure some alone. Fails when a promise about downtowns or Helsinki is not kept.
 """
 
 import json
@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from homsense_cli.accuracy.bench import HEADINGS, Plan, Row, lines, measure
+from homsense_cli.accuracy.run import Control
 from homsense_cli.accuracy.scenario import Scenario
 from homsense_cli.accuracy.walks import Recorded
 from rich.console import Console
@@ -20,14 +21,16 @@ SEEDS, RUNS = range(5), 32
 COVERAGE = 0.85, 0.97
 WITHIN = {"moderate": 0.95, "heavy": 0.75}
 MEDIAN_M, HELSINKI_WITHIN = 12.0, 0.85
+COUNTING: tuple[Control, ...] = ("homology", "no homology", "shuffled", "true counts")
 
 
 def plans(data: Path | None) -> dict[str, Plan]:
     """Return what to measure, by the name of its file."""
     towns = tuple(Scenario(seed=seed) for seed in SEEDS)
-    found = {"downtown": Plan(towns, ("moderate", "heavy", "paper"), runs=RUNS)}
+    found = {"downtown": Plan(towns, ("moderate", "heavy", "paper"), runs=RUNS, only=COUNTING)}
+    found["crowd"] = Plan(towns[:2], ("moderate", "heavy"), runs=8)
     others = tuple(Scenario(city, seed=seed) for city in ("old-town", "campus") for seed in (0, 1))
-    found["styles"] = Plan(others, ("moderate",), runs=RUNS)
+    found["styles"] = Plan(others, ("moderate",), runs=RUNS, only=COUNTING)
     if data is not None:
         footprints = str(data / "helsinki_centre" / "local.json.gz")
         centre = tuple(
