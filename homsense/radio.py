@@ -257,19 +257,19 @@ def _fits(site: _Heard, rng: Rng, evenness: int) -> list[tuple[float, float]]:
     places = crowd_places(free_space, rng, len(observed.sizes), site.walked)
     farthest = float(np.hypot(grid.columns, grid.rows) * grid.cell_m)
     wanted = float(observed.sizes.mean())
-    found, reach = [], farthest / 8.0
-    seen = in_view(free_space, where, places, reach)
-    missed = rng.random(len(seen.place))
+    reach = farthest / 8.0
+    while True:
+        seen = in_view(free_space, where, places, reach)
+        chance = rng.random(len(seen.place))
+        is_enough = _range_for(seen.kept(chance >= DROPOUTS[-1]), wanted) is not None
+        if is_enough or reach >= farthest:
+            break
+        reach = min(2.0 * reach, farthest)
+    found = []
     for dropout in DROPOUTS:
-        while (range_m := _range_for(kept := seen.kept(missed >= dropout), wanted)) is None:
-            if reach >= farthest:
-                range_m = farthest
-                break
-            reach = min(2.0 * reach, farthest)
-            seen = in_view(free_space, where, places, reach)
-            missed = rng.random(len(seen.place))
-        within = kept.kept(kept.distance_m <= range_m)
-        found.append((_misfit(within, site), range_m))
+        kept = seen.kept(chance >= dropout)
+        range_m = _range_for(kept, wanted) or farthest
+        found.append((_misfit(kept.kept(kept.distance_m <= range_m), site), range_m))
     return found
 
 
