@@ -85,7 +85,8 @@ def run_sweeps(
     found: dict[str, list[Row]] = {}
     for sweep in sweeps:
         console.print(sweep.title)
-        found[sweep.name] = measure(Plan(sweep.scenarios(seed), runs=runs), console)
+        plan = Plan(sweep.scenarios(seed), runs=runs, only=tuple(COLORS))
+        found[sweep.name] = measure(plan, console)
     out.mkdir(parents=True, exist_ok=True)
     written = {
         "seed": seed,
