@@ -139,6 +139,7 @@ def create_app(
             expose_headers=["etag", "retry-after", "x-request-id"],
         )
     app.add_middleware(Manners)
+    # A request tries them in this order: what is asked most comes first.
     for module in (sessions, scans, live, sites, expectations, registrations, keys, health):
         app.include_router(module.router)
     return app
