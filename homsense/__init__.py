@@ -51,6 +51,7 @@ from homsense.registered.crowd import WalkScan
 from homsense.registered.floors import FloorFit, rank_floors
 from homsense.registered.place import HolesAtPlace, PlaceLikelihood
 from homsense.registered.placing import LaidOutCrowd, register_crowd
+from homsense.registered.retracing import Retraced, retrace
 from homsense.registered.similarity import Hearing
 from homsense.relation import VisibilityRelation
 from homsense.scan import Reading, visible_landmarks
@@ -123,6 +124,7 @@ __all__ = [
     "Recovery",
     "RegisteredComplex",
     "Relocation",
+    "Retraced",
     "Sighting",
     "SiteMap",
     "Travel",
@@ -148,6 +150,7 @@ __all__ = [
     "range_curve",
     "rank_floors",
     "register_crowd",
+    "retrace",
     "sense_local_homology",
     "sense_within",
     "smooth",

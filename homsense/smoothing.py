@@ -26,6 +26,7 @@ from homsense.registered.complex import RegisteredComplex
 from homsense.registered.crowd import Crowd, WalkScan
 from homsense.registered.layout import HEADING_RAD, STEP_FLOOR_M, STEP_SHARE
 from homsense.registered.place import PlaceLikelihood
+from homsense.registered.retracing import turned
 from homsense.scalar import LN_2, TURN
 from homsense.site_map import SiteMap
 from homsense.weights import UNITS_PER_BIT
@@ -90,7 +91,7 @@ def smooth(
             x_m,
             y_m,
             START_SHARE * found.reach_m,
-            HeadingPrior(_turned(own_xy, xy[which]), HEADING_RAD),
+            HeadingPrior(turned(own_xy, xy[which]), HEADING_RAD),
         )
         localizer = _localizer(place.without(walk), site_map, start)
         xy[which] = _tracks(localizer, place.complex, made, rng).mean(axis=1)
@@ -174,13 +175,6 @@ def _tracks(
     moves = list(_moves(own_xy))
     known = list(_filtered(localizer, scans, moves, found, int(rng.integers(2**63))))
     return _drawn_back(known, moves, rng)
-
-
-def _turned(own_xy: FloatArray, xy: FloatArray) -> float:
-    """Return the rotation that fits places in the frame of a walk to those on the map best."""
-    own, there = own_xy - own_xy.mean(axis=0), xy - xy.mean(axis=0)
-    across = (own[:, 0] * there[:, 1] - own[:, 1] * there[:, 0]).sum()
-    return math.atan2(across, (own * there).sum())
 
 
 def _moves(own_xy: FloatArray) -> Iterator[_Move]:

@@ -188,7 +188,7 @@ def _registered(body: bytes, version: MapVersion, reachable: homsense.FreeSpace)
     likelihood = homsense.PlaceLikelihood(crowd, reachable)
     nobody = np.empty((0, 2))
     return Registered(
-        version, document["scans"], crowd, likelihood, document["coverage"], (), nobody
+        version, document["scans"], crowd, likelihood, document["coverage"], nobody, (), nobody
     )
 
 

@@ -67,10 +67,12 @@ class Registered:
         Of a scan, over the map; of as many of them as are of use.
     coverage : float
         Share of the map where the crowd has been.
+    walked_xy : ndarray, shape (W, 2), float64
+        Where it has been, also while it heard too little, metres.
     sample : tuple of tuple of homsense.Reading
-        What some of its scans heard.
+        What was heard at some of these places.
     sample_xy : ndarray, shape (S, 2), float64
-        Where those were made, metres.
+        Which places, metres.
     laid_out : int
         How many there were when the crowd was laid out as a whole; others have joined it since.
     names : str
@@ -82,6 +84,7 @@ class Registered:
     complex: homsense.RegisteredComplex
     likelihood: homsense.PlaceLikelihood
     coverage: float
+    walked_xy: NDArray[np.float64]
     sample: tuple[tuple[homsense.Reading, ...], ...]
     sample_xy: NDArray[np.float64]
     laid_out: int = 0
@@ -195,7 +198,8 @@ def _registered(
     laid_out: int,
 ) -> Registered:
     version = question.map_version
-    some = np.arange(0, found.size, max(1, found.size // MOST_SCANS))
+    made, walked_xy = homsense.retrace(found, scans)
+    some = slice(None, None, max(1, len(made) // MOST_SCANS))
     free = version.free_space
     ground = free.grid.centers()[free.free[:-1]]
     return Registered(
@@ -204,8 +208,9 @@ def _registered(
         found,
         homsense.PlaceLikelihood(found.thinned(), question.reachable),
         float(found.covers(ground).mean()),
-        tuple(scans[source].readings for source in found.source[some]),
-        found.xy[some],
+        walked_xy,
+        tuple(scans[source].readings for source in made[some].tolist()),
+        walked_xy[some],
         laid_out,
         _names(scans),
     )

@@ -311,7 +311,7 @@ class Site:
         if crowd.complex.registration.is_doubtful:
             return None
         seen = partial(map, self._in_view, crowd.sample)
-        return WalkedCrowd(crowd.complex.xy, crowd.sample_xy, seen, crowd.names)
+        return WalkedCrowd(crowd.walked_xy, crowd.sample_xy, seen, crowd.names)
 
     def code_map(
         self, reachable: homsense.FreeSpace, heights: tuple[homsense.HeightMap, ...]

@@ -27,6 +27,7 @@ from homsense import (
     expect,
     mean_advantage_bits,
     register_crowd,
+    retrace,
     smooth,
 )
 from homsense.expectation import HOPS
@@ -224,7 +225,7 @@ def tuned(
     crowd: Sequence[frozenset[str]],
     hops: Sequence[int] | None,
     seed: int,
-    placed: RegisteredComplex | None = None,
+    placed: RegisteredCrowd | None = None,
 ) -> tuple[RadioModel, Expectation]:
     """Return what a site learns from its scans about its radio and its sensor.
 
@@ -238,7 +239,7 @@ def tuned(
         Neighborhoods; chosen by the information they carry when absent.
     seed : int
         Of the simulated placements.
-    placed : RegisteredComplex, optional
+    placed : RegisteredCrowd, optional
         The same crowd on the map: where it walks.
 
     Returns
@@ -247,8 +248,9 @@ def tuned(
         Without any label.
     """
     walked, heard = None, crowd
-    if placed is not None and not placed.registration.is_doubtful:
-        walked, heard = placed.xy, [crowd[number] for number in placed.source]
+    if placed is not None and not placed.registered.registration.is_doubtful:
+        made, walked = retrace(placed.registered, placed.scans)
+        heard = [crowd[number] for number in made.tolist()]
     radio = estimate_radio(
         free_space,
         heard,
@@ -290,8 +292,7 @@ def prepare(
     if tracked:
         hearing, walks = Hearing(weakest_dbm=WEAKEST_DBM), map(walk_scan, scans)
         placed = RegisteredCrowd.of(walks, site_map, free_space, free_space, hearing)
-    where = None if placed is None else placed.registered
-    model = tuned(free_space, crowd, hops, scenario.seed, where)
+    model = tuned(free_space, crowd, hops, scenario.seed, placed)
     return CityScene(scenario, world, Scene.of(site_map, free_space, crowd, model, placed))
 
 

@@ -1,0 +1,98 @@
+"""Scans that heard too little to be placed, carried along by the motion of their walk."""
+
+import math
+from collections import defaultdict
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homsense.registered.complex import RegisteredComplex
+from homsense.registered.crowd import WalkScan
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_FEWEST = 2
+
+
+class Retraced(NamedTuple):
+    """Where the scans of a crowd were made, those that heard nothing among them.
+
+    Parameters
+    ----------
+    source : ndarray, shape (N,), int64
+        Which of the scans that were given, rising.
+    xy : ndarray, shape (N, 2), float64
+        Where each was made, metres.
+    """
+
+    source: IntArray
+    xy: FloatArray
+
+
+def retrace(found: RegisteredComplex, scans: Sequence[WalkScan]) -> Retraced:
+    """Place all scans of the walks of a crowd, whatever they have heard.
+
+    Parameters
+    ----------
+    found : RegisteredComplex
+        The scans that have a place.
+    scans : sequence of WalkScan
+        What the complex was made of.
+
+    Returns
+    -------
+    Retraced
+        Those scans where they are, and the others of their walks between them: moved as the device
+        has measured, turned as its walk is, and less the drift, which changes linearly over time.
+        A walk with fewer than two scans that have a place is left out.
+    """
+    walks = defaultdict(list)
+    for number, scan in enumerate(scans):
+        walks[scan.walk].append(number)
+    xy = np.full((len(scans), 2), np.nan)
+    xy[found.source] = found.xy
+    for numbers in walks.values():
+        which = np.array(sorted(numbers, key=lambda number: scans[number].t_s))
+        xy[which] = _retraced(xy[which], [scans[number] for number in which.tolist()])
+    source = np.flatnonzero(np.isfinite(xy).all(axis=1))
+    return Retraced(source, xy[source])
+
+
+def turned(own_xy: FloatArray, xy: FloatArray) -> float:
+    """Return the rotation that fits places in the frame of a walk to those on the map best.
+
+    Parameters
+    ----------
+    own_xy, xy : ndarray, shape (N, 2), float64
+        The same places in both frames, metres.
+
+    Returns
+    -------
+    float
+        Radians, anticlockwise.
+
+    Examples
+    --------
+    >>> turned(np.array([[0.0, 0.0], [2.0, 0.0]]), np.array([[5.0, 5.0], [5.0, 7.0]]))
+    1.5707963267948966
+    """
+    own, there = own_xy - own_xy.mean(axis=0), xy - xy.mean(axis=0)
+    across = (own[:, 0] * there[:, 1] - own[:, 1] * there[:, 0]).sum()
+    return math.atan2(across, (own * there).sum())
+
+
+def _retraced(xy: FloatArray, walk: Sequence[WalkScan]) -> FloatArray:
+    """Return the places of a walk whose unknown ones are not numbers."""
+    known = np.isfinite(xy[:, 0])
+    if known.sum() < _FEWEST:
+        return np.full_like(xy, np.nan)
+    own_xy = np.array([(scan.x_m, scan.y_m) for scan in walk])
+    t_s = np.array([scan.t_s for scan in walk])
+    turn = turned(own_xy[known], xy[known])
+    cos, sin = math.cos(turn), math.sin(turn)
+    moved = own_xy @ np.array([[cos, sin], [-sin, cos]])
+    drift = [np.interp(t_s, t_s[known], axis) for axis in (xy - moved)[known].T]
+    return np.where(known[:, None], xy, moved + np.stack(drift, axis=1))
