@@ -26,6 +26,7 @@ from homsense.free_space import FreeSpace
 from homsense.grid import Grid
 from homsense.height import HeightMap
 from homsense.imu import ImuNoise, ImuSample, Velocity, preintegrate
+from homsense.kriging import Counted, krige
 from homsense.likelihood import (
     JointLikelihood,
     JointMeasurement,
@@ -73,6 +74,7 @@ __all__ = [
     "CodeMap",
     "ComputationLimitError",
     "CountNoise",
+    "Counted",
     "Delta",
     "Diagnosis",
     "Displaced",
@@ -142,6 +144,7 @@ __all__ = [
     "estimate_radio",
     "expect",
     "extend",
+    "krige",
     "landmark_complex",
     "mean_advantage_bits",
     "median_witnesses",

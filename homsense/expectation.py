@@ -14,6 +14,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from homsense.correlation import DIGITS, between_levels, correlation_m, independent
 from homsense.engine import Engine
 from homsense.errors import InvalidInputError
 from homsense.free_space import FreeSpace
@@ -26,12 +27,7 @@ FloatArray = NDArray[np.float64]
 
 HOPS = tuple(range(1, 9))
 _LEAST_SPREAD = 0.6
-_SHRUNK = 0.02
-_DIGITS = 4  # what no order of summation changes
 _TRUTHS = 200
-_BIN_M = 5.0
-_FARTHEST_M = 400.0
-_NO_LONGER = 0.05
 _LEAST_GAIN_BITS = 0.1
 
 
@@ -108,14 +104,14 @@ class Expectation:
         variance = np.square(off).sum(axis=0) / np.maximum(times - 1, 1) * (1 + 1 / len(worlds))
         spread = np.sqrt(np.where(times > 1, variance, usual[1] ** 2) + _LEAST_SPREAD**2)
         errors = off / spread
-        correlation = _correlation(errors[heard])
+        correlation = between_levels(np.einsum("pi,pj->ij", errors[heard], errors[heard]))
         found = cls(
             tuple(hops),
             tuple(stage.raster(mean[:, level]) for level in range(len(hops))),
             tuple(stage.raster(spread[:, level]) for level in range(len(hops))),
             tuple(map(tuple, usual.T.tolist())),
             tuple(map(tuple, correlation.tolist())),
-            _correlation_m(stage.places, errors, correlation),
+            correlation_m(stage.places, independent(errors, correlation)),
             len(worlds) - 1,
             (),
         )
@@ -281,37 +277,5 @@ def _likening(values: FloatArray, mean: float, spread: float) -> tuple[float, fl
     if not len(values):
         return 1.0, 0.0
     own = float(values.std())
-    gain = round(spread / own, _DIGITS) if own > 0.0 and spread > 0.0 else 1.0
-    return gain, round(mean - gain * float(values.mean()), _DIGITS)
-
-
-def _correlation(errors: FloatArray) -> FloatArray:
-    """Return the correlation of the columns, a little less than it is so that it has a root."""
-    products = (errors[:, :, None] * errors[:, None, :]).sum(axis=0)
-    deviation = np.sqrt(np.diag(products))
-    correlation = products / np.maximum(np.outer(deviation, deviation), np.finfo(float).tiny)
-    shrunk: FloatArray = (1 - _SHRUNK) * correlation + _SHRUNK * np.eye(len(correlation))
-    np.fill_diagonal(shrunk, 1.0)
-    return shrunk.round(_DIGITS)
-
-
-def _correlation_m(places: FloatArray, errors: FloatArray, correlation: FloatArray) -> float:
-    """Return twice the integral of the error's correlation over distance, metres.
-
-    So many metres hold as much as one independent measurement.
-    """
-    independent = errors @ np.linalg.inv(np.linalg.cholesky(correlation)).T
-    power = float(np.square(independent).mean())
-    some = np.arange(0, len(places), max(1, len(places) // _TRUTHS))
-    products = np.zeros(int(_FARTHEST_M / _BIN_M) + 1)
-    pairs = np.zeros_like(products)
-    for place in some:
-        apart = np.sqrt(np.square(places - places[place]).sum(axis=1))
-        which = np.minimum(apart / _BIN_M + 0.5, len(pairs) - 1).astype(np.intp)
-        alike = (independent * independent[:, place, None, :]).mean(axis=(0, 2))
-        products += np.bincount(which, alike, len(pairs))
-        pairs += np.bincount(which, minlength=len(pairs))
-    alike = products[:-1] / np.maximum(pairs[:-1], 1) / power
-    alike[0] = 1.0
-    end = int(np.argmax(alike < _NO_LONGER)) or len(alike)
-    return round(2.0 * _BIN_M * float(alike[:end].sum() - 0.5), 1)
+    gain = round(spread / own, DIGITS) if own > 0.0 and spread > 0.0 else 1.0
+    return gain, round(mean - gain * float(values.mean()), DIGITS)

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from homsense.likelihood import CodeLikelihood, mean_advantage_bits
 from homsense_service import schemas
 from homsense_service.registering import Registered
 from homsense_service.sensors import Sensor
@@ -10,6 +11,7 @@ from homsense_service.site import Site
 from homsense_service.sites import SiteRegistry
 
 HELPFUL_BITS = 0.5
+_COUNTED = 200
 
 
 def chosen(
@@ -58,5 +60,21 @@ def _fitting(
     if found is None or found.complex.registration.is_doubtful:
         return site.sensor(wanted.hops, wanted.expected)
     counting = site.sensor(wanted.hops, wanted.expected)
-    helps = site.counts_tell_bits(counting, found) > HELPFUL_BITS
+    helps = _counts_tell_bits(site, counting, found) > HELPFUL_BITS
     return replace(counting if helps else Sensor(), registered=found)
+
+
+def _counts_tell_bits(site: Site, sensor: Sensor, crowd: Registered) -> float:
+    """Return what counts tell about the place of a scan, judged by a registered crowd."""
+    if sensor.noise is None:
+        return 0.0
+    some = slice(None, None, max(1, len(crowd.sample) // _COUNTED))
+    seen = (site.in_view(scan.readings) for scan in crowd.sample[some])
+    counted = [site.count(visible, sensor) if visible else None for visible in seen]
+    made = [number for number, counts in enumerate(counted) if counts is not None]
+    code_map = site.code_map(site.reachable(crowd.map_version), sensor.heights)
+    return mean_advantage_bits(
+        CodeLikelihood(code_map, sensor.noise),
+        [counted[number] for number in made],
+        crowd.sample_xy[some][made],
+    )

@@ -32,18 +32,21 @@ class WalkedCrowd(NamedTuple):
     Parameters
     ----------
     xy : ndarray, shape (N, 2), float64
-        Where its scans were made, metres.
+        Where it has been, metres.
+    sample : tuple of homsense.WalkScan
+        Some of its scans.
     sample_xy : ndarray, shape (S, 2), float64
-        Where some of them were made, metres.
-    seen : callable
-        Returns what these have in view.
+        Where these were made, metres.
+    alike_m : float
+        How far the errors of these places are alike, metres.
     name : str
         Hash of which scans there were.
     """
 
     xy: FloatArray
+    sample: tuple[homsense.WalkScan, ...]
     sample_xy: FloatArray
-    seen: Callable[[], Iterable[frozenset[str]]]
+    alike_m: float
     name: str
 
 
@@ -59,6 +62,10 @@ class Question:
         Visible sets of scans from all over the site; never changed, only replaced.
     landmarks, scans : int
         How many the site has.
+    in_view : callable
+        Returns what counts as visible of some readings.
+    profiles : callable
+        Returns the holes near each landmark for some neighborhoods.
     crowd : callable
         Returns where the crowd walks, if that is known by then.
     """
@@ -67,6 +74,8 @@ class Question:
     sample: Mapping[bytes, frozenset[str]]
     landmarks: int
     scans: int
+    in_view: Callable[[Iterable[homsense.Reading]], frozenset[str]]
+    profiles: Callable[[tuple[int, ...]], homsense.Profiles]
     crowd: Callable[[], WalkedCrowd | None]
 
 
@@ -116,25 +125,35 @@ class Expecting(Background[Question, Learnt]):
 
     def _learn(self, question: Question, on_world: Callable[[int], None]) -> Learnt:
         space, digest = question.map_version.free_space, question.map_version.digest
-        crowd = question.crowd()
+        crowd, seen = question.crowd(), list(question.sample.values())
+        walked = sample_xy = None
+        if crowd is not None:
+            walked, sample_xy = crowd.xy, crowd.sample_xy
+            seen = [question.in_view(scan.readings) for scan in crowd.sample]
         radio = homsense.estimate_radio(
             space,
-            list(question.sample.values() if crowd is None else crowd.seen()),
+            seen,
             transmitters=question.landmarks,
             scans=question.scans,
-            walked=None if crowd is None else crowd.sample_xy,
+            walked=sample_xy,
         )
         key = (digest, radio, crowd and crowd.name)
         expectation = self._known.pop(key, None)
         if expectation is None:
             expectation = homsense.expect(
-                space,
-                radio,
-                walked=None if crowd is None else crowd.xy,
-                engine=self._engine(),
-                on_world=on_world,
+                space, radio, walked=walked, engine=self._engine(), on_world=on_world
             )
         self._known[key] = expectation
         while len(self._known) > _KEPT:
             self._known.popitem(last=False)
+        if crowd is not None:
+            profiles = question.profiles(expectation.hops)
+            counted = homsense.Counted.of(
+                [scan.walk for scan in crowd.sample],
+                crowd.sample_xy,
+                seen,
+                profiles,
+                crowd.alike_m,
+            )
+            expectation = homsense.krige(expectation, counted, profiles.sampled())
         return Learnt(digest, question.scans, radio, expectation, crowd is not None)

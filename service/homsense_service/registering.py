@@ -69,10 +69,10 @@ class Registered:
         Share of the map where the crowd has been.
     walked_xy : ndarray, shape (W, 2), float64
         Where it has been, also while it heard too little, metres.
-    sample : tuple of tuple of homsense.Reading
-        What was heard at some of these places.
+    sample : tuple of homsense.WalkScan
+        Some of the scans made there.
     sample_xy : ndarray, shape (S, 2), float64
-        Which places, metres.
+        Where these were made, metres.
     laid_out : int
         How many there were when the crowd was laid out as a whole; others have joined it since.
     names : str
@@ -85,7 +85,7 @@ class Registered:
     likelihood: homsense.PlaceLikelihood
     coverage: float
     walked_xy: NDArray[np.float64]
-    sample: tuple[tuple[homsense.Reading, ...], ...]
+    sample: tuple[homsense.WalkScan, ...]
     sample_xy: NDArray[np.float64]
     laid_out: int = 0
     names: str = ""
@@ -209,7 +209,7 @@ def _registered(
         homsense.PlaceLikelihood(found.thinned(), question.reachable),
         float(found.covers(ground).mean()),
         walked_xy,
-        tuple(scans[source].readings for source in made[some].tolist()),
+        tuple(scans[source] for source in made[some].tolist()),
         walked_xy[some],
         laid_out,
         _names(scans),

@@ -4,7 +4,6 @@ import hashlib
 import threading
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterable, Sequence
-from functools import partial
 from itertools import islice
 from typing import Any, Literal
 
@@ -18,7 +17,7 @@ from homsense_service.expecting import Expecting, Learnt, Question, WalkedCrowd
 from homsense_service.floors import RankingFloors
 from homsense_service.pseudonyms import canonical
 from homsense_service.records import NumberedScan, SiteConfig, StoredReading, StoredScan
-from homsense_service.registering import Registered, Registering
+from homsense_service.registering import Registering
 from homsense_service.sensors import Measured, Sensor, check_simulated, simulated_sensor
 from homsense_service.settings import Settings
 from homsense_service.versions import ComplexVersion, MapVersion
@@ -115,9 +114,10 @@ class Site:
 
     def visible(self, stored: Iterable[StoredReading]) -> frozenset[str]:
         """Return the landmarks that count as visible under the site's configuration."""
-        return self._in_view(self.readings(stored))
+        return self.in_view(self.readings(stored))
 
-    def _in_view(self, readings: Iterable[homsense.Reading]) -> frozenset[str]:
+    def in_view(self, readings: Iterable[homsense.Reading]) -> frozenset[str]:
+        """Return the same of readings whose identifiers compare as the site's do."""
         return homsense.visible_landmarks(
             readings,
             min_rssi_dbm=self.config.min_rssi_dbm,
@@ -240,27 +240,13 @@ class Site:
     def measure(self, stored: Sequence[StoredReading], sensor: Sensor) -> Measured:
         """Return what a sensor makes of a scan."""
         readings = self.readings(stored)
-        visible = self._in_view(readings) if sensor.hops else frozenset()
-        holes = self._count(visible, sensor) if visible else None
+        visible = self.in_view(readings) if sensor.hops else frozenset()
+        holes = self.count(visible, sensor) if visible else None
         if sensor.registered is None:
             return Measured(holes)
         return Measured(holes, sensor.registered.likelihood.complex.sighting(readings))
 
-    def counts_tell_bits(self, sensor: Sensor, crowd: Registered) -> float:
-        """Return what counts tell about the place of a scan, judged by a registered crowd."""
-        if sensor.noise is None:
-            return 0.0
-        some = slice(None, None, max(1, len(crowd.sample) // _COUNTED))
-        seen = map(self._in_view, crowd.sample[some])
-        counted = [self._count(visible, sensor) if visible else None for visible in seen]
-        made = [number for number, counts in enumerate(counted) if counts is not None]
-        reachable = self.reachable(crowd.map_version)
-        weigh = CodeLikelihood(self.code_map(reachable, sensor.heights), sensor.noise)
-        return homsense.mean_advantage_bits(
-            weigh, [counted[number] for number in made], crowd.sample_xy[some][made]
-        )
-
-    def _count(self, visible: frozenset[str], sensor: Sensor) -> tuple[float, ...] | None:
+    def count(self, visible: frozenset[str], sensor: Sensor) -> tuple[float, ...] | None:
         """Return the holes near a visible set; None when the complex knows none of it."""
         if sensor.expected == "simulated":
             return self.profiles(sensor.hops).mean_holes(visible)
@@ -300,6 +286,8 @@ class Site:
             self._sample,
             now.landmark_complex.n_landmarks,
             now.number,
+            self.in_view,
+            self.profiles,
             self._walked_crowd,
         )
 
@@ -310,8 +298,13 @@ class Site:
             return None
         if crowd.complex.registration.is_doubtful:
             return None
-        seen = partial(map, self._in_view, crowd.sample)
-        return WalkedCrowd(crowd.walked_xy, crowd.sample_xy, seen, crowd.names)
+        return WalkedCrowd(
+            crowd.walked_xy,
+            crowd.sample,
+            crowd.sample_xy,
+            crowd.likelihood.correlation_m,
+            crowd.names,
+        )
 
     def code_map(
         self, reachable: homsense.FreeSpace, heights: tuple[homsense.HeightMap, ...]

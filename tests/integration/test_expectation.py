@@ -31,7 +31,7 @@ def _scans(phones: range, count: int = 60) -> list[dict[str, Any]]:
 
 
 def _ready(api: TestClient, scans: int = 0) -> dict[str, Any]:
-    for _ in range(600):
+    for _ in range(1800):
         told: dict[str, Any] = api.get(f"{SITE}/expectation").json()
         if told["state"] == "ready" and told["learnt"]["scans"] >= scans:
             return told

@@ -10,6 +10,7 @@ from homsense_fleet.world import World
 
 from homsense import (
     CodeMap,
+    Counted,
     Expectation,
     FieldNoise,
     FreeSpace,
@@ -21,16 +22,19 @@ from homsense import (
     RadioModel,
     Reading,
     RegisteredComplex,
+    Retraced,
     SiteMap,
     WalkScan,
     estimate_radio,
     expect,
+    krige,
     mean_advantage_bits,
     register_crowd,
     retrace,
     smooth,
 )
 from homsense.expectation import HOPS
+from homsense.kriging import MOST_COUNTED
 from homsense.likelihood import CodeLikelihood
 from homsense.registered.registration import COMPASS_RAD
 from homsense_cli.accuracy.scenario import Scenario
@@ -96,6 +100,37 @@ class RegisteredCrowd:
             return None
         smoothed = smooth(found, everything, site_map, reachable).thinned()
         return cls(everything, smoothed, PlaceLikelihood(smoothed, reachable))
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether its place is beyond doubt."""
+        return not self.registered.registration.is_doubtful
+
+    @cached_property
+    def been(self) -> Retraced:
+        """Where it has been, also while it heard too little."""
+        return retrace(self.registered, self.scans)
+
+    def counted(self, profiles: Profiles, seen: Sequence[frozenset[str]]) -> Counted:
+        """Return what the crowd counts at its places.
+
+        Parameters
+        ----------
+        profiles : Profiles
+            Holes near each landmark.
+        seen : sequence of frozenset of str
+            What each of its scans has in view.
+
+        Returns
+        -------
+        Counted
+            Of some of them.
+        """
+        some = slice(None, None, max(1, len(self.been.source) // MOST_COUNTED))
+        made = self.been.source[some].tolist()
+        walks = [self.scans[number].walk for number in made]
+        visible, alike_m = [seen[number] for number in made], self.likelihood.correlation_m
+        return Counted.of(walks, self.been.xy[some], visible, profiles, alike_m)
 
 
 @dataclass(frozen=True)
@@ -167,7 +202,10 @@ class Scene:
         grown = LandmarkComplex.from_observations(seen for seen in heard_by if seen)
         radio, expectation = model
         profiles = Profiles(grown, expectation.hops)
-        noise = expectation.noise(profiles.table(sorted(grown.landmarks)))
+        table = profiles.table(sorted(grown.landmarks))
+        if registered is not None and registered.is_sure:
+            expectation = krige(expectation, registered.counted(profiles, heard_by), table)
+        noise = expectation.noise(table)
         return cls(
             site_map, free_space, grown, profiles, radio, expectation, noise, heard_by, registered
         )
@@ -248,8 +286,8 @@ def tuned(
         Without any label.
     """
     walked, heard = None, crowd
-    if placed is not None and not placed.registered.registration.is_doubtful:
-        made, walked = retrace(placed.registered, placed.scans)
+    if placed is not None and placed.is_sure:
+        made, walked = placed.been
         heard = [crowd[number] for number in made.tolist()]
     radio = estimate_radio(
         free_space,
