@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 DIGITS = 4
 """What no order of summation changes."""
@@ -60,7 +61,7 @@ def independent(errors: FloatArray, correlation: FloatArray) -> FloatArray:
     return found
 
 
-def correlation_m(places: FloatArray, errors: FloatArray) -> float:
+def correlation_m(places: FloatArray, errors: FloatArray, walk: IntArray | None = None) -> float:
     """Return twice the integral of the errors' correlation over distance, metres.
 
     So many metres hold as much as one independent measurement.
@@ -71,6 +72,8 @@ def correlation_m(places: FloatArray, errors: FloatArray) -> float:
         Where, metres.
     errors : ndarray, shape (W, P, L), float64
         Of each place in some worlds, not correlated between the neighborhoods.
+    walk : ndarray, shape (P,), int64, optional
+        Walk that each place belongs to; only those of the same walk are compared.
 
     Returns
     -------
@@ -82,9 +85,10 @@ def correlation_m(places: FloatArray, errors: FloatArray) -> float:
     products = np.zeros(int(_FARTHEST_M / _BIN_M) + 1)
     pairs = np.zeros_like(products)
     for place in some:
-        apart = np.sqrt(np.square(places - places[place]).sum(axis=1))
+        others = slice(None) if walk is None else walk == walk[place]
+        apart = np.sqrt(np.square(places[others] - places[place]).sum(axis=1))
         which = np.minimum(apart / _BIN_M + 0.5, len(pairs) - 1).astype(np.intp)
-        alike = (errors * errors[:, place, None, :]).mean(axis=(0, 2))
+        alike = (errors[:, others] * errors[:, place, None, :]).mean(axis=(0, 2))
         products += np.bincount(which, alike, len(pairs))
         pairs += np.bincount(which, minlength=len(pairs))
     known = np.flatnonzero(pairs[:-1])

@@ -19,7 +19,7 @@ from homsense.engine import Engine
 from homsense.errors import InvalidInputError
 from homsense.free_space import FreeSpace
 from homsense.height import HeightMap
-from homsense.noise import FieldNoise
+from homsense.noise import FieldNoise, advantage_bits
 from homsense.radio import RadioModel
 from homsense.simulation import WORLDS, Stage, World, simulate
 
@@ -190,19 +190,15 @@ class Expectation:
     ) -> float:
         """Return what one scan tells when its own world is not among those that are known."""
         noise = self.narrowed(self.hops[:levels]).noise()
-        told = []
+        told: list[float] = []
         for world in range(0, len(counts), max(1, len(counts) // 4)):
             known = np.flatnonzero(heard[world])
             times = heard.sum(axis=0)[known, None]
             own = counts[world, known, :levels]
             others = (times * mean[known, :levels] - own) / np.maximum(times - 1, 1)
             fields = np.concatenate([others, spread[known, :levels]], axis=1)
-            truths = np.arange(0, len(known), max(1, len(known) // _TRUTHS))
-            weigh = noise.weigher(fields)
-            for truth in truths:
-                bits = weigh(own[truth])
-                best = bits.max()
-                told.append(bits[truth] - best - np.log2(np.exp2(bits - best).mean()))
+            truths = range(0, len(known), max(1, len(known) // _TRUTHS))
+            told += advantage_bits(noise.weigher(fields), own[truths], truths)
         return float(np.mean(told))
 
 

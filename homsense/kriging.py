@@ -21,13 +21,14 @@ from scipy.spatial.distance import cdist
 from homsense.correlation import DIGITS, between_levels, correlation_m, independent
 from homsense.expectation import Expectation
 from homsense.height import HeightMap
+from homsense.noise import advantage_bits
 from homsense.profiles import Profiles
 
 FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 MOST_COUNTED = 1500
 FEWEST_COUNTED = 50
+_MOST_ASKED = 200
 _NOISES = np.geomspace(0.001, 30.0, 32)
 
 
@@ -42,14 +43,11 @@ class Counted(NamedTuple):
         Where it was made, metres.
     holes : ndarray, shape (N, L), float64
         What it counts; not a number where it counts nothing.
-    alike_m : float
-        How far the errors of these places are alike, metres.
     """
 
     walk: Sequence[str]
     xy: FloatArray
     holes: FloatArray
-    alike_m: float
 
     @classmethod
     def of(
@@ -58,7 +56,6 @@ class Counted(NamedTuple):
         xy: FloatArray,
         seen: Iterable[frozenset[str]],
         profiles: Profiles,
-        alike_m: float,
     ) -> Self:
         """Count what some scans have in view.
 
@@ -72,9 +69,6 @@ class Counted(NamedTuple):
             What it has in view.
         profiles : Profiles
             Holes near each landmark.
-        alike_m : float
-            How far the errors of these places are alike, metres: the correlation length of
-            `PlaceLikelihood`.
 
         Returns
         -------
@@ -83,7 +77,7 @@ class Counted(NamedTuple):
         """
         nothing = (np.nan,) * len(profiles.hops)
         holes = [profiles.mean_holes(visible) or nothing for visible in seen]
-        return cls(walk, xy, np.array(holes).reshape(-1, len(profiles.hops)), alike_m)
+        return cls(walk, xy, np.array(holes).reshape(-1, len(profiles.hops)))
 
 
 def krige(expected: Expectation, counted: Counted, profiles: FloatArray) -> Expectation:
@@ -101,9 +95,10 @@ def krige(expected: Expectation, counted: Counted, profiles: FloatArray) -> Expe
     Returns
     -------
     Expectation
-        Mean and spread of what the next scan counts at each place. How far its errors are alike is
-        measured on walks that are left out, and no less than those of the places are. The same as
-        before when few scans have counted.
+        Mean and spread of what the next scan counts at each place. On walks that are left out it
+        is measured whether errors are larger than they should be, how far along a walk they are
+        alike, and what a scan tells about its place. The same as before when few scans have
+        counted.
     """
     noise, correlation = expected.noise(profiles), np.array(expected.correlation)
     holes = np.array(noise.offsets) + np.array(noise.gains) * counted.holes
@@ -111,16 +106,35 @@ def krige(expected: Expectation, counted: Counted, profiles: FloatArray) -> Expe
     errors = independent((holes - mean) / spread, correlation)
     known = np.flatnonzero(np.isfinite(errors).all(axis=1))
     known = known[:: max(1, -(-len(known) // MOST_COUNTED))]
-    xy, errors = counted.xy[known], errors[known]
-    is_odd = np.unique(np.array(counted.walk)[known], return_inverse=True)[1] % 2 == 1
-    if len(known) < FEWEST_COUNTED or not is_odd.any():
+    xy, errors, holes = counted.xy[known], errors[known], holes[known]
+    walk = np.unique(np.array(counted.walk)[known], return_inverse=True)[1]
+    if len(known) < FEWEST_COUNTED or not walk.any():
         return expected
     process = _Process.of(xy, errors, 0.5 * expected.correlation_m)
-    alike_m = [process.left_correlation_m(xy, errors, half) for half in (is_odd, ~is_odd)]
-    grid = expected.heights[0].grid
-    places = grid.centers()
+    halves = walk % 2 == 0, walk % 2 == 1
+    left = np.empty_like(errors)
+    for half in halves:
+        error, variance = process.known_from(xy[~half], errors[~half], xy[half])
+        left[half] = (errors[half] - error) / np.sqrt(variance)
+    process = process.of_more_variance(np.maximum(np.square(left).mean(axis=0), 1.0))
+    told = [
+        _told(_corrected(expected, process, xy[~half], errors[~half]), xy[half], holes[half])
+        for half in halves
+    ]
+    return replace(
+        _corrected(expected, process, xy, errors),
+        correlation_m=correlation_m(xy, left[None], walk),
+        information_bits=tuple(np.mean(told, axis=0).tolist()),
+    )
+
+
+def _corrected(
+    expected: Expectation, process: "_Process", xy: FloatArray, errors: FloatArray
+) -> Expectation:
+    """Return what is expected where it is known from some places how wrong it is."""
+    places = expected.heights[0].grid.centers()
     error, variance = process.known_from(xy, errors, places)
-    root = np.linalg.cholesky(correlation)
+    root = np.linalg.cholesky(np.array(expected.correlation))
     mean, spread = _at(expected.heights, places), _at(expected.spreads, places)
     mean += spread * (error @ root.T)
     spread *= np.sqrt(variance @ np.square(root).T)
@@ -130,8 +144,23 @@ def krige(expected: Expectation, counted: Counted, profiles: FloatArray) -> Expe
         heights=_rasters(expected.heights[0], mean),
         spreads=_rasters(expected.heights[0], spread),
         correlation=tuple(map(tuple, between_levels((root * usual) @ root.T).tolist())),
-        correlation_m=max(float(np.mean(alike_m).round(1)), round(counted.alike_m, 1)),
     )
+
+
+def _told(expected: Expectation, xy: FloatArray, holes: FloatArray) -> list[float]:
+    """Return what scans tell about their places when so many neighborhoods are weighed, bits."""
+    grid = expected.heights[0].grid
+    fields = _at((*expected.heights, *expected.spreads), grid.centers())
+    free = np.flatnonzero(np.isfinite(fields).all(axis=1))
+    some = slice(None, None, max(1, len(xy) // _MOST_ASKED))
+    rows = np.searchsorted(free, grid.flat_index(xy[some])).tolist()
+    found = []
+    for levels in range(1, len(expected.hops) + 1):
+        columns = [*range(levels), *range(len(expected.hops), len(expected.hops) + levels)]
+        noise = expected.narrowed(expected.hops[:levels]).noise()
+        weigher = noise.weigher(fields[free][:, columns])
+        found.append(float(np.mean([*advantage_bits(weigher, holes[some, :levels], rows)])))
+    return found
 
 
 @dataclass(frozen=True)
@@ -163,25 +192,24 @@ class _Process:
         best = misfit.argmin(axis=1)
         return cls(scale_m, variances[np.arange(len(best)), best], _NOISES[best])
 
+    def of_more_variance(self, times: FloatArray) -> Self:
+        """Return the processes that vary so many times as much, and so does their noise."""
+        return replace(self, variance=self.variance * times)
+
     def known_from(
         self, xy: FloatArray, values: FloatArray, places: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Return mean and variance of what is measured next at some places.
 
-        The variance of a process is what the values show near them, and no less than 1 elsewhere.
+        It is not below what is left of an error of unit size, of which the values tell a share:
+        what they show of a process counts near them alone.
         """
         powers, axes = _eigen(xy, self.scale_m)
         seen = np.exp(-cdist(places, xy) / self.scale_m) @ axes
         weights = 1.0 / (powers[:, None] + self.noise)
         mean = seen @ (weights * (axes.T @ values))
-        known = np.minimum(np.square(seen) @ weights, 1.0)
-        variance = known * self.variance + (1.0 - known) * np.maximum(self.variance, 1.0)
-        return mean, variance * (1.0 - known + self.noise)
-
-    def left_correlation_m(self, xy: FloatArray, values: FloatArray, out: BoolArray) -> float:
-        """Return how far errors are alike at places that are left out, metres."""
-        mean, variance = self.known_from(xy[~out], values[~out], xy[out])
-        return correlation_m(xy[out], ((values[out] - mean) / np.sqrt(variance))[None])
+        unknown = np.maximum(1.0 - np.square(seen) @ weights, 0.0)
+        return mean, np.maximum(self.variance * (unknown + self.noise), np.square(unknown))
 
 
 def _eigen(xy: FloatArray, scale_m: float) -> tuple[FloatArray, FloatArray]:

@@ -6,7 +6,7 @@ raised to ``way / correlation_m``, at most 1.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Protocol
@@ -20,7 +20,7 @@ from homsense.exact import exp, log2
 FloatArray = NDArray[np.float64]
 Weigher = Callable[[Sequence[float]], FloatArray]
 
-LEAST_SPREAD = 0.5
+LEAST_SPREAD = 0.25
 _NO_MATCH, _LEAST = 1e3, 1e-300
 _NOTHING_BITS = -1e3
 _REMEMBERED = 64
@@ -145,7 +145,7 @@ class FieldNoise:
     >>> noise = FieldNoise(((1.0, 0.5), (0.5, 1.0)), (1.0, 1.0), (0.0, 0.0), 20.0, 80.0)
     >>> expected_then_spread = np.array([[3.0, 7.0, 1.0, 2.0], [5.0, 9.0, 1.0, 2.0]])
     >>> noise.weigher(expected_then_spread)([3, 7]).round(2).tolist()
-    [-3.0, -5.89]
+    [-5.0, -7.89]
     """
 
     correlation: tuple[tuple[float, ...], ...]
@@ -183,7 +183,8 @@ class FieldNoise:
         Parameters
         ----------
         expected : ndarray, shape (N, 2 * n_levels), float64
-            Expected counts, then their spreads, not below half a hole; not a number where nobody
+            Expected counts, then their spreads, not below a quarter of a hole; not a
+            number where nobody
             can be.
 
         Returns
@@ -218,6 +219,31 @@ class FieldNoise:
             return match_bits - volume_bits
 
         return weigh
+
+
+def advantage_bits(
+    weigher: Weigher, measured: Iterable[Sequence[float]], rows: Iterable[int]
+) -> Iterator[float]:
+    """Tell how much better measurements are explained where they were made than elsewhere.
+
+    Parameters
+    ----------
+    weigher : callable
+        Of an error model, for some places.
+    measured : iterable of sequence of float
+        Counts.
+    rows : iterable of int
+        At which of the places each was made.
+
+    Yields
+    ------
+    float
+        Bits above the mean of the likelihood over the places.
+    """
+    for counts, row in zip(measured, rows, strict=True):
+        bits = weigher(counts)
+        best = bits.max()
+        yield float(bits[row] - best - np.log2(np.exp2(bits - best).mean()))
 
 
 def _check_positive(name: str, number: float) -> None:

@@ -15,6 +15,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _FEWEST = 2
+_STRETCH = 3
 
 
 class Retraced(NamedTuple):
@@ -23,13 +24,35 @@ class Retraced(NamedTuple):
     Parameters
     ----------
     source : ndarray, shape (N,), int64
-        Which of the scans that were given, rising.
+        Which of the scans that were given, walk by walk and each in order of time.
     xy : ndarray, shape (N, 2), float64
         Where each was made, metres.
     """
 
     source: IntArray
     xy: FloatArray
+
+    def stretches(self, most: int) -> IntArray:
+        """Choose some of the scans, most of them three in a row.
+
+        Parameters
+        ----------
+        most : int
+            How many there may be.
+
+        Returns
+        -------
+        ndarray, shape (M,), int64
+            Which of the N, rising; all of them when there are no more.
+
+        Examples
+        --------
+        >>> Retraced(np.arange(14), np.zeros((14, 2))).stretches(7).tolist()
+        [0, 1, 2, 6, 7, 8, 12]
+        """
+        every = max(1, -(-len(self.source) // most))
+        chosen = np.flatnonzero(np.arange(len(self.source)) // _STRETCH % every == 0)
+        return chosen[:most]
 
 
 def retrace(found: RegisteredComplex, scans: Sequence[WalkScan]) -> Retraced:
@@ -49,15 +72,16 @@ def retrace(found: RegisteredComplex, scans: Sequence[WalkScan]) -> Retraced:
         has measured, turned as its walk is, and less the drift, which changes linearly over time.
         A walk with fewer than two scans that have a place is left out.
     """
-    walks = defaultdict(list)
+    walks: dict[str, list[int]] = defaultdict(list)
     for number, scan in enumerate(scans):
         walks[scan.walk].append(number)
     xy = np.full((len(scans), 2), np.nan)
     xy[found.source] = found.xy
     for numbers in walks.values():
-        which = np.array(sorted(numbers, key=lambda number: scans[number].t_s))
-        xy[which] = _retraced(xy[which], [scans[number] for number in which.tolist()])
-    source = np.flatnonzero(np.isfinite(xy).all(axis=1))
+        numbers.sort(key=lambda number: scans[number].t_s)
+        xy[numbers] = _retraced(xy[numbers], [scans[number] for number in numbers])
+    source = np.array([number for numbers in walks.values() for number in numbers], np.int64)
+    source = source[np.isfinite(xy[source]).all(axis=1)]
     return Retraced(source, xy[source])
 
 

@@ -37,8 +37,6 @@ class WalkedCrowd(NamedTuple):
         Some of its scans.
     sample_xy : ndarray, shape (S, 2), float64
         Where these were made, metres.
-    alike_m : float
-        How far the errors of these places are alike, metres.
     name : str
         Hash of which scans there were.
     """
@@ -46,7 +44,6 @@ class WalkedCrowd(NamedTuple):
     xy: FloatArray
     sample: tuple[homsense.WalkScan, ...]
     sample_xy: FloatArray
-    alike_m: float
     name: str
 
 
@@ -148,12 +145,7 @@ class Expecting(Background[Question, Learnt]):
             self._known.popitem(last=False)
         if crowd is not None:
             profiles = question.profiles(expectation.hops)
-            counted = homsense.Counted.of(
-                [scan.walk for scan in crowd.sample],
-                crowd.sample_xy,
-                seen,
-                profiles,
-                crowd.alike_m,
-            )
+            walks = [scan.walk for scan in crowd.sample]
+            counted = homsense.Counted.of(walks, crowd.sample_xy, seen, profiles)
             expectation = homsense.krige(expectation, counted, profiles.sampled())
         return Learnt(digest, question.scans, radio, expectation, crowd is not None)

@@ -198,8 +198,8 @@ def _registered(
     laid_out: int,
 ) -> Registered:
     version = question.map_version
-    made, walked_xy = homsense.retrace(found, scans)
-    some = slice(None, None, max(1, len(made) // MOST_SCANS))
+    walked = homsense.retrace(found, scans)
+    some = walked.stretches(MOST_SCANS)
     free = version.free_space
     ground = free.grid.centers()[free.free[:-1]]
     return Registered(
@@ -208,9 +208,9 @@ def _registered(
         found,
         homsense.PlaceLikelihood(found.thinned(), question.reachable),
         float(found.covers(ground).mean()),
-        walked_xy,
-        tuple(scans[source] for source in made[some].tolist()),
-        walked_xy[some],
+        walked.xy,
+        tuple(scans[source] for source in walked.source[some].tolist()),
+        walked.xy[some],
         laid_out,
         _names(scans),
     )

@@ -298,13 +298,7 @@ class Site:
             return None
         if crowd.complex.registration.is_doubtful:
             return None
-        return WalkedCrowd(
-            crowd.walked_xy,
-            crowd.sample,
-            crowd.sample_xy,
-            crowd.likelihood.correlation_m,
-            crowd.names,
-        )
+        return WalkedCrowd(crowd.walked_xy, crowd.sample, crowd.sample_xy, crowd.names)
 
     def code_map(
         self, reachable: homsense.FreeSpace, heights: tuple[homsense.HeightMap, ...]

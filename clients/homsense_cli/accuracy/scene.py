@@ -126,11 +126,10 @@ class RegisteredCrowd:
         Counted
             Of some of them.
         """
-        some = slice(None, None, max(1, len(self.been.source) // MOST_COUNTED))
+        some = self.been.stretches(MOST_COUNTED)
         made = self.been.source[some].tolist()
         walks = [self.scans[number].walk for number in made]
-        visible, alike_m = [seen[number] for number in made], self.likelihood.correlation_m
-        return Counted.of(walks, self.been.xy[some], visible, profiles, alike_m)
+        return Counted.of(walks, self.been.xy[some], [seen[number] for number in made], profiles)
 
 
 @dataclass(frozen=True)

@@ -50,7 +50,7 @@ def counted(seed: int, size: int, noise: float, west_m: float = 400.0) -> Counte
     drawn = root @ rng.normal(size=(size, 2)) + noise * rng.normal(size=(size, 2))
     errors = drawn @ np.linalg.cholesky(ALIKE).T
     walks = [f"walk {number // 10}" for number in range(size)]
-    return Counted(walks, xy, [5.0, 10.0] + 2.0 * errors, 20.0)
+    return Counted(walks, xy, [5.0, 10.0] + 2.0 * errors)
 
 
 def some_of(scans: Counted, which: slice | np.ndarray) -> Counted:
@@ -89,15 +89,6 @@ def test_nobody_can_be_where_nobody_could() -> None:
     for raster in (*after.heights, *after.spreads):
         assert np.isnan(raster.values[:5, :5]).all()
         assert np.isfinite(raster.values[5:, 5:]).all()
-
-
-def test_errors_of_scans_are_alike_no_less_far_than_those_of_their_places() -> None:
-    scans = counted(3, 600, 1.0)
-    close, wide = (
-        krige(plain(), scans._replace(alike_m=alike_m), PROFILES).correlation_m
-        for alike_m in (0.0, 45.0)
-    )
-    assert close < 30.0 < wide == 45.0
 
 
 def test_the_order_of_scans_and_what_is_not_counted_do_not_matter() -> None:
@@ -150,9 +141,9 @@ def test_a_town_counts_what_its_crowd_has_counted_there(seed: int) -> None:
     profiles = Profiles(grown, before.hops)
     table = profiles.table(sorted(grown.landmarks))
     walks = [f"walk {number // 20}" for number in range(600)]
-    after = krige(before, Counted.of(walks, xy[:600], crowd, profiles, 20.0), table)
+    after = krige(before, Counted.of(walks, xy[:600], crowd, profiles), table)
     noise = before.noise(table)
-    holes = Counted.of(walks[:200], xy[600:], new, profiles, 20.0).holes
+    holes = Counted.of(walks[:200], xy[600:], new, profiles).holes
     holes = np.array(noise.offsets) + np.array(noise.gains) * holes
     off = [np.nanmean(np.square(holes - at(e.heights, xy[600:]))) for e in (before, after)]
     assert off[1] < 0.5 * off[0]

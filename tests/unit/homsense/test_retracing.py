@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.corridors import Building
 
-from homsense import Hearing, RegisteredComplex, WalkScan, register_crowd, retrace
+from homsense import Hearing, RegisteredComplex, Retraced, WalkScan, register_crowd, retrace
 from homsense.registered.matching import Placement
 from homsense.registered.registration import Registration
 
@@ -59,8 +59,9 @@ def test_the_order_in_which_scans_come_does_not_matter(
     _, xy = retrace(complex_of(known, [there[number] for number in known]), scans)
     rank = [order.index(number) for number in known]
     mixed = complex_of(rank, [there[number] for number in known])
-    _, again = retrace(mixed, [scans[number] for number in order])
-    assert np.allclose(again, xy[order], atol=1e-9)
+    source, again = retrace(mixed, [scans[number] for number in order])
+    assert [order[number] for number in source] == list(range(SCANS))
+    assert np.allclose(again, xy, atol=1e-9)
 
 
 def test_drift_changes_linearly_between_places_that_are_known() -> None:
@@ -93,3 +94,13 @@ def test_scans_that_hear_nothing_are_retraced_as_well_as_the_others_are_placed()
     assert not placed[deaf[source]].any()
     assert deaf[source].sum() > 0.9 * deaf.sum()
     assert np.median(apart[~placed]) < np.median(apart[placed]) + 0.5
+
+
+@pytest.mark.parametrize(("size", "most"), [(0, 5), (5, 5), (17, 5), (5200, 1500), (1501, 1500)])
+def test_some_scans_are_chosen_from_everywhere_and_three_in_a_row(size: int, most: int) -> None:
+    chosen = Retraced(np.arange(size), np.zeros((size, 2))).stretches(most)
+    assert min(size, most // 2) <= len(chosen) <= most
+    assert len(set(chosen.tolist())) == len(chosen)
+    if len(chosen) > 100:
+        assert chosen[-1] > 0.9 * size
+        assert (np.diff(chosen) == 1).mean() > 0.6
