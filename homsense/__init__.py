@@ -31,7 +31,6 @@ from homsense.likelihood import (
     JointLikelihood,
     JointMeasurement,
     Likelihood,
-    mean_advantage_bits,
 )
 from homsense.localizer import Localizer, LocalizerState
 from homsense.modes import Mode
@@ -146,7 +145,6 @@ __all__ = [
     "extend",
     "krige",
     "landmark_complex",
-    "mean_advantage_bits",
     "median_witnesses",
     "observation_complex",
     "preintegrate",

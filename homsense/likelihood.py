@@ -1,16 +1,15 @@
 """How well places explain a measurement: P(z|x) (Algorithm 1, line 12; section VI)."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from homsense.code_map import NOWHERE, CodeMap
+from homsense.code_map import CodeMap
 from homsense.errors import InvalidInputError
 from homsense.noise import Noise
-from homsense.stages import cells_at
 
 FloatArray = NDArray[np.float64]
 
@@ -82,38 +81,6 @@ class CodeLikelihood:
         return self._weigh(tuple(counts))
 
 
-def mean_advantage_bits(
-    likelihood: Likelihood, measurements: Iterable[object], xy: FloatArray
-) -> float:
-    """Return how much better measurements are explained where they were made than elsewhere.
-
-    Parameters
-    ----------
-    likelihood : Likelihood
-        A sensor model.
-    measurements : iterable
-        What was measured.
-    xy : ndarray, shape (N, 2), float64
-        Where, metres; the places of a registered crowd will do.
-
-    Returns
-    -------
-    float
-        Mean over the measurements of the binary logarithm of the likelihood at the place, above
-        that of its mean over the map; below 0 the sensor misleads.
-    """
-    code_map = likelihood.code_map
-    cells = cells_at(code_map.free_space.grid.raster, *xy.astype(np.float32).T)
-    share = code_map.sizes / code_map.sizes.sum()
-    found = [
-        bits[code] - np.log2(share @ np.exp2(bits))
-        for measurement, code in zip(measurements, code_map.codes[cells], strict=True)
-        if code != NOWHERE
-        for bits in [likelihood(measurement)]
-    ]
-    return float(np.mean(found)) if found else 0.0
-
-
 class JointMeasurement(NamedTuple):
     """What two sensors have measured at the same place; either may have nothing to say.
 
@@ -130,7 +97,7 @@ class JointMeasurement(NamedTuple):
 
 
 class JointLikelihood:
-    """Two sensors of independent error, each weighed at its own pace.
+    """Two sensors that know their places from the same crowd, each weighed at its own pace.
 
     Parameters
     ----------
@@ -145,6 +112,9 @@ class JointLikelihood:
     The localizer raises a likelihood to ``way / correlation_m``, so the second is raised to the
     ratio of the lengths here. That is exact while scans are no farther apart than the first
     length; beyond it the second counts for less than it could.
+
+    Both owe their errors to the places of the same crowd, so they are as good as one measurement:
+    when both have measured, their mean counts.
     """
 
     def __init__(self, first: Likelihood, second: Likelihood) -> None:
@@ -174,4 +144,5 @@ class JointLikelihood:
             bits += self._first(measurement.first)
         if measurement.second is not None:
             bits += self._share * self._second(measurement.second)[self._code]
-        return bits
+        is_alone = measurement.first is None or measurement.second is None
+        return bits if is_alone else 0.5 * bits

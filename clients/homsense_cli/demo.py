@@ -76,14 +76,15 @@ def run_demo(seed: int, out: Path, console: Console) -> dict[str, object]:
             f"{grown.facets} facets, b0 = {grown.betti[0]}, b1 = {grown.betti[1]}; "
             f"the map has {len(world.city.buildings)} buildings"
         )
-        simulated = bars.add_task("the site learns its radio")
+        simulated = bars.add_task("the crowd is placed, the site learns")
         learnt = learn(
             client, site, lambda done, of: bars.update(simulated, completed=done, total=of)
         ).learnt
         if learnt is not None:
             console.print(
                 f"learnt from scans alone: range {learnt.range_m:.0f} m, {learnt.dropout:.0%} "
-                f"missed; hops 1 to {learnt.hops[-1]}, a scan tells "
+                f"missed; the crowd {'has found' if learnt.knows_crowd else 'does not know'} its "
+                f"place; hops 1 to {learnt.hops[-1]}, a scan tells "
                 f"{learnt.information_bits[len(learnt.hops) - 1]:.1f} bits"
             )
         driven = bars.add_task("robot drives, metres", total=round(LENGTH_M))

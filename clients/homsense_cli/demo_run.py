@@ -177,14 +177,19 @@ def near_and_far(hops: tuple[int, ...]) -> tuple[int, ...]:
     return NEAR_AND_FAR if {*NEAR_AND_FAR} <= {*hops} else hops[:2]
 
 
-def learn(client: Client, site: str, on_world: Callable[[int, int], None]) -> Expectation:
-    """Wait until a site has simulated what its sensor counts; return what it has learnt."""
+def learn(client: Client, site: str, on_step: Callable[[int, int], None]) -> Expectation:
+    """Wait until a site has placed its crowd and learnt what its sensor counts; return that."""
+    placed = client.register(site)
+    while placed.state == "building":
+        on_step(placed.done, placed.of)
+        time.sleep(POLL_S)
+        placed = client.registration(site)
     told = client.expect(site)
     while told.state == "building":
-        on_world(told.done, told.of)
+        on_step(placed.of + told.done, placed.of + told.of)
         time.sleep(POLL_S)
         told = client.expectation(site)
-    on_world(told.done, told.of)
+    on_step(placed.of + told.done, placed.of + told.of)
     return told
 
 

@@ -69,6 +69,7 @@ class Placed:
     mirror_margin_m: float
     doubtful: bool
     coverage: float
+    information_bits: float
     placements: tuple[Placement, ...]
 
     @classmethod

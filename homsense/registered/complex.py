@@ -161,8 +161,24 @@ class RegisteredComplex:
             None when it hears too little; empty when it resembles nothing.
         """
         signature = self.hearing.signature(readings)
-        if not signature:
-            return None
+        return self._sighting(signature) if signature else None
+
+    def own_sighting(self, scan: int) -> Sighting:
+        """Compare one of the crowd's own scans with all of them, itself included.
+
+        Parameters
+        ----------
+        scan : int
+            Number of the scan.
+
+        Returns
+        -------
+        Sighting
+            What it resembles.
+        """
+        return self._sighting(self.signatures[scan])
+
+    def _sighting(self, signature: Signature) -> Sighting:
         level = np.searchsorted(LEVELS, self._index.similarities(signature), side="right")
         scan = np.flatnonzero(level)
         return Sighting(tuple(scan.tolist()), tuple(level[scan].tolist()))

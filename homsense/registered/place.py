@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from homsense.code_map import CodeMap
+from homsense.code_map import NOWHERE, CodeMap
 from homsense.errors import InvalidInputError
 from homsense.exact import exp
 from homsense.free_space import FreeSpace
@@ -22,6 +22,7 @@ from homsense.height import HeightMap
 from homsense.ragged import spread
 from homsense.registered.complex import RegisteredComplex, Sighting
 from homsense.scalar import LN_2
+from homsense.stages import cells_at
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -36,6 +37,7 @@ LOST = 0.0005
 
 COUNT_VARIANCE = 1.0
 _NOTHING_BITS = -1e3
+_ASKED = 200
 
 
 class PlaceLikelihood:
@@ -106,6 +108,22 @@ class PlaceLikelihood:
     def _covered(self) -> BoolArray:
         covered = self.complex.covers(self.code_map.free_space.grid.centers())
         return np.append(covered, False)
+
+    @cached_property
+    def information_bits(self) -> float:
+        """What a scan tells about its place, bits above the mean over the map.
+
+        The mean over some scans of the crowd, each compared with the other walks alone.
+        """
+        share = self.code_map.sizes / self.code_map.sizes.sum()
+        raster, told = self.code_map.free_space.grid.raster, []
+        codes = self.code_map.codes[cells_at(raster, *self.complex.xy.astype(np.float32).T)]
+        for scan in range(0, self.complex.size, max(1, self.complex.size // _ASKED)):
+            if codes[scan] != NOWHERE:
+                others = self.without(int(self.complex.walk[scan]))
+                bits = others(self.complex.own_sighting(scan))
+                told.append(bits[codes[scan]] - np.log2(share @ np.exp2(bits)))
+        return float(np.mean(told)) if told else 0.0
 
     def without(self, walk: int) -> Self:
         """Return what the other walks say.

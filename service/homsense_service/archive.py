@@ -162,6 +162,7 @@ def _registered_bytes(found: Registered) -> bytes:
         "reachable": hashlib.sha256(reachable.free.tobytes()).hexdigest(),
         "scans": found.scans,
         "coverage": found.coverage,
+        "information_bits": found.information_bits,
         "hearing": asdict(crowd.hearing),
         "signatures": [dict(signature) for signature in crowd.signatures],
         "reach_m": crowd.reach_m,
@@ -188,7 +189,15 @@ def _registered(body: bytes, version: MapVersion, reachable: homsense.FreeSpace)
     likelihood = homsense.PlaceLikelihood(crowd, reachable)
     nobody = np.empty((0, 2))
     return Registered(
-        version, document["scans"], crowd, likelihood, document["coverage"], nobody, (), nobody
+        version,
+        document["scans"],
+        crowd,
+        likelihood,
+        document["coverage"],
+        document["information_bits"],
+        nobody,
+        (),
+        nobody,
     )
 
 

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-from homsense.likelihood import CodeLikelihood, mean_advantage_bits
 from homsense_service import schemas
 from homsense_service.registering import Registered
 from homsense_service.sensors import Sensor
@@ -10,8 +9,8 @@ from homsense_service.settings import Settings
 from homsense_service.site import Site
 from homsense_service.sites import SiteRegistry
 
-HELPFUL_BITS = 0.5
-_COUNTED = 200
+HELPFUL = 2.0 / 3.0
+"""Share of the bits that recognizing a scan tells."""
 
 
 def chosen(
@@ -60,21 +59,13 @@ def _fitting(
     if found is None or found.complex.registration.is_doubtful:
         return site.sensor(wanted.hops, wanted.expected)
     counting = site.sensor(wanted.hops, wanted.expected)
-    helps = _counts_tell_bits(site, counting, found) > HELPFUL_BITS
-    return replace(counting if helps else Sensor(), registered=found)
+    return replace(counting if _counts_help(site, counting, found) else Sensor(), registered=found)
 
 
-def _counts_tell_bits(site: Site, sensor: Sensor, crowd: Registered) -> float:
-    """Return what counts tell about the place of a scan, judged by a registered crowd."""
-    if sensor.noise is None:
-        return 0.0
-    some = slice(None, None, max(1, len(crowd.sample) // _COUNTED))
-    seen = (site.in_view(scan.readings) for scan in crowd.sample[some])
-    counted = [site.count(visible, sensor) if visible else None for visible in seen]
-    made = [number for number, counts in enumerate(counted) if counts is not None]
-    code_map = site.code_map(site.reachable(crowd.map_version), sensor.heights)
-    return mean_advantage_bits(
-        CodeLikelihood(code_map, sensor.noise),
-        [counted[number] for number in made],
-        crowd.sample_xy[some][made],
-    )
+def _counts_help(site: Site, counting: Sensor, found: Registered) -> bool:
+    """Tell whether counts say enough beside a crowd, judged by walks of it that are left out."""
+    if counting.noise is None:
+        return False
+    learnt = site.learnt()
+    told = learnt.expectation.narrowed(counting.hops).information_bits
+    return learnt.knows_crowd and max(told, default=0.0) >= HELPFUL * found.information_bits

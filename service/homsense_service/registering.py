@@ -67,6 +67,8 @@ class Registered:
         Of a scan, over the map; of as many of them as are of use.
     coverage : float
         Share of the map where the crowd has been.
+    information_bits : float
+        What a scan tells about its place.
     walked_xy : ndarray, shape (W, 2), float64
         Where it has been, also while it heard too little, metres.
     sample : tuple of homsense.WalkScan
@@ -84,6 +86,7 @@ class Registered:
     complex: homsense.RegisteredComplex
     likelihood: homsense.PlaceLikelihood
     coverage: float
+    information_bits: float
     walked_xy: NDArray[np.float64]
     sample: tuple[homsense.WalkScan, ...]
     sample_xy: NDArray[np.float64]
@@ -200,14 +203,16 @@ def _registered(
     version = question.map_version
     walked = homsense.retrace(found, scans)
     some = walked.stretches(MOST_SCANS)
+    likelihood = homsense.PlaceLikelihood(found.thinned(), question.reachable)
     free = version.free_space
     ground = free.grid.centers()[free.free[:-1]]
     return Registered(
         version,
         len(scans),
         found,
-        homsense.PlaceLikelihood(found.thinned(), question.reachable),
+        likelihood,
         float(found.covers(ground).mean()),
+        likelihood.information_bits,
         walked.xy,
         tuple(scans[source] for source in walked.source[some].tolist()),
         walked.xy[some],

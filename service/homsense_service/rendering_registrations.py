@@ -66,6 +66,7 @@ def _placed(known: Registered) -> schemas.PlacedOut:
         weakest_dbm=found.hearing.weakest_dbm,
         **_fit(found.registration),
         coverage=known.coverage,
+        information_bits=known.information_bits,
         placements=[
             schemas.PlacementOut(
                 rotation_rad=placement.rotation_rad,

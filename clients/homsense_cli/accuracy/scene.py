@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 from homsense_fleet.driver import Crowd
 from homsense_fleet.world import World
@@ -28,20 +28,17 @@ from homsense import (
     estimate_radio,
     expect,
     krige,
-    mean_advantage_bits,
     register_crowd,
     retrace,
     smooth,
 )
 from homsense.expectation import HOPS
 from homsense.kriging import MOST_COUNTED
-from homsense.likelihood import CodeLikelihood
 from homsense.registered.registration import COMPASS_RAD
 from homsense_cli.accuracy.scenario import Scenario
 
 CELL_M = 2.0
 WEAKEST_DBM = -95.0
-SAMPLED = 200
 
 
 @dataclass(frozen=True)
@@ -152,8 +149,6 @@ class Scene:
         Of the counts.
     noise : FieldNoise
         Their error.
-    seen : list of frozenset of str
-        What the scans of the crowd have heard.
     crowd : RegisteredCrowd, optional
         The crowd on the map, where phones keep account of their motion.
     """
@@ -165,7 +160,6 @@ class Scene:
     radio: RadioModel
     expectation: Expectation
     noise: FieldNoise
-    seen: list[frozenset[str]]
     crowd: RegisteredCrowd | None = None
 
     @classmethod
@@ -174,7 +168,7 @@ class Scene:
         site_map: SiteMap,
         free_space: FreeSpace,
         crowd: Iterable[frozenset[str]],
-        model: tuple[RadioModel, Expectation],
+        model: "Tuned",
         registered: RegisteredCrowd | None = None,
     ) -> "Scene":
         """Return the scene of a crowd's scans.
@@ -187,8 +181,8 @@ class Scene:
             Its free cells.
         crowd : iterable of frozenset of str
             What each scan has heard.
-        model : tuple of RadioModel and Expectation
-            From `tuned`.
+        model : Tuned
+            What the site has learnt.
         registered : RegisteredCrowd, optional
             The same crowd on the map.
 
@@ -199,14 +193,16 @@ class Scene:
         """
         heard_by = list(crowd)
         grown = LandmarkComplex.from_observations(seen for seen in heard_by if seen)
-        radio, expectation = model
-        profiles = Profiles(grown, expectation.hops)
-        table = profiles.table(sorted(grown.landmarks))
+        landmarks, expectation = sorted(grown.landmarks), model.expectation
         if registered is not None and registered.is_sure:
-            expectation = krige(expectation, registered.counted(profiles, heard_by), table)
-        noise = expectation.noise(table)
+            profiles = Profiles(grown, expectation.hops)
+            counted = registered.counted(profiles, heard_by)
+            expectation = krige(expectation, counted, profiles.table(landmarks))
+        expectation = expectation.narrowed(model.hops or expectation.best_hops)
+        profiles = Profiles(grown, expectation.hops)
+        noise = expectation.noise(profiles.table(landmarks))
         return cls(
-            site_map, free_space, grown, profiles, radio, expectation, noise, heard_by, registered
+            site_map, free_space, grown, profiles, model.radio, expectation, noise, registered
         )
 
     @cached_property
@@ -215,23 +211,11 @@ class Scene:
         expected = self.expectation
         return CodeMap.of(self.free_space, (*expected.heights, *expected.spreads))
 
-    def counts_tell_bits(self, crowd: RegisteredCrowd) -> float:
-        """Return what counts tell about the place of a scan, judged by the registered crowd."""
-        some = range(0, crowd.registered.size, max(1, crowd.registered.size // SAMPLED))
-        counted = {
-            number: self.profiles.mean_holes(self.seen[crowd.registered.source[number]])
-            for number in some
-        }
-        made = [number for number, counts in counted.items() if counts is not None]
-        weigh = CodeLikelihood(self.code_map, self.noise)
-        places = crowd.registered.xy[made]
-        return mean_advantage_bits(weigh, [counted[number] for number in made], places)
-
     def describe(self) -> dict[str, Any]:
         """Return what the site has learnt about itself."""
         placed = self.crowd and self.crowd.registered.registration
         return {
-            "counts_tell_bits": self.crowd and round(self.counts_tell_bits(self.crowd), 2),
+            "crowd_bits": self.crowd and round(self.crowd.likelihood.information_bits, 2),
             "registration_cost_m": placed and round(placed.cost_m, 2),
             "registration_margin_m": placed and round(placed.margin_m, 2),
             "mirror_margin_m": placed and round(placed.mirror_margin_m, 2),
@@ -257,13 +241,31 @@ class CityScene:
     scene: Scene
 
 
+class Tuned(NamedTuple):
+    """What a site has learnt without any label.
+
+    Parameters
+    ----------
+    radio : RadioModel
+        How transmitters are heard.
+    expectation : Expectation
+        What is counted where, on sites like this one.
+    hops : sequence of int, optional
+        Neighborhoods to count; chosen by the information they carry when absent.
+    """
+
+    radio: RadioModel
+    expectation: Expectation
+    hops: Sequence[int] | None
+
+
 def tuned(
     free_space: FreeSpace,
     crowd: Sequence[frozenset[str]],
     hops: Sequence[int] | None,
     seed: int,
     placed: RegisteredCrowd | None = None,
-) -> tuple[RadioModel, Expectation]:
+) -> Tuned:
     """Return what a site learns from its scans about its radio and its sensor.
 
     Parameters
@@ -273,7 +275,7 @@ def tuned(
     crowd : sequence of frozenset of str
         What each scan has heard.
     hops : sequence of int, optional
-        Neighborhoods; chosen by the information they carry when absent.
+        Neighborhoods; chosen by the site when absent.
     seed : int
         Of the simulated placements.
     placed : RegisteredCrowd, optional
@@ -281,7 +283,7 @@ def tuned(
 
     Returns
     -------
-    tuple of RadioModel and Expectation
+    Tuned
         Without any label.
     """
     walked, heard = None, crowd
@@ -296,8 +298,7 @@ def tuned(
         walked=walked,
         seed=seed,
     )
-    expected = expect(free_space, radio, hops or HOPS, walked=walked, seed=seed)
-    return radio, expected.narrowed(hops or expected.best_hops)
+    return Tuned(radio, expect(free_space, radio, hops or HOPS, walked=walked, seed=seed), hops)
 
 
 def prepare(

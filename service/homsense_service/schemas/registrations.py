@@ -45,6 +45,9 @@ class PlacedOut(FitOut):
     reach_m: float = Field(description="Distance over which scans hear alike, metres.")
     weakest_dbm: float = Field(description="Weakest strength that counted.")
     coverage: float = Field(description="Share of the map where the crowd has been.")
+    information_bits: float = Field(
+        description="What a scan tells about its place, judged by walks that are left out."
+    )
     placements: list[PlacementOut]
 
 

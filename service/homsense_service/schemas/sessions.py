@@ -101,8 +101,8 @@ class SensorIn(Wire):
         description="homology: holes are counted. registered: a scan is recognized among those of "
         "the crowd, whose tracks have been placed on the map. both: the two together. auto: "
         "registered where a crowd with tracks has found its place beyond doubt by now, both where "
-        "counts agree with those places, too; else homology, and always when hops or expected "
-        "are given.",
+        "counts tell two thirds as much about those places or more; else homology, and always "
+        "when hops or expected are given.",
     )
     hops: HopList | None = Field(default=None, description="The site's when absent.")
     expected: Literal["simulated", "geometric"] | None = Field(
