@@ -16,6 +16,7 @@ from fastapi.testclient import TestClient
 from homsense_client import Client, Floors, Registration
 from homsense_service import registering
 from homsense_service.app import create_app
+from homsense_service.choosing import HELPFUL
 from homsense_service.settings import Settings
 from shapely.affinity import scale
 from shapely.geometry import mapping, shape
@@ -124,6 +125,7 @@ def test_the_crowd_finds_its_place(floor: TestClient) -> None:
     placed = told["placed"]
     assert placed["doubtful"] is False
     assert placed["coverage"] > 0.9
+    assert placed["information_bits"] > 2.0
     assert placed["cost_m"] == placed["placements"][0]["cost_m"] < 4.0
     places = floor.get(f"{SITE}/registration?format=geojson").json()
     assert places["frame"] == "local"
@@ -131,14 +133,19 @@ def test_the_crowd_finds_its_place(floor: TestClient) -> None:
 
 
 def test_the_site_learns_what_it_counts_from_where_the_crowd_walks(floor: TestClient) -> None:
-    ready(floor)
-    for _ in range(600):
+    recognized = ready(floor)["placed"]["information_bits"]
+    for _ in range(1800):
         told = floor.post(f"{SITE}/expectation").json()
         if told["state"] == "ready" and told["learnt"]["knows_crowd"]:
             break
         time.sleep(0.1)
-    assert told["learnt"]["knows_crowd"] is True
+    learnt = told["learnt"]
+    assert learnt["knows_crowd"] is True
     assert floor.post(f"{SITE}/expectation").json() == told
+    auto = floor.post(f"{SITE}/sessions", json={"particles": 100}).json()
+    helps = learnt["information_bits"][len(learnt["hops"]) - 1] >= HELPFUL * recognized
+    assert auto["sensor"] == ("both" if helps else "registered")
+    assert auto["hops"] == (learnt["hops"] if helps else [])
 
 
 def test_a_session_finds_itself_among_the_crowd(floor: TestClient) -> None:
