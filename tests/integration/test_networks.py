@@ -181,7 +181,7 @@ def test_a_robot_that_comes_before_its_service_waits(tmp_path: Path) -> None:
             )
             waiting.start()
             service.start()
-            waiting.join(20)
+            waiting.join(60)
             assert opened
             walk(robot, 1)
 
