@@ -27,11 +27,7 @@ from homsense.grid import Grid
 from homsense.height import HeightMap
 from homsense.imu import ImuNoise, ImuSample, Velocity, preintegrate
 from homsense.kriging import Counted, krige
-from homsense.likelihood import (
-    JointLikelihood,
-    JointMeasurement,
-    Likelihood,
-)
+from homsense.likelihood import JointLikelihood, JointMeasurement, Likelihood
 from homsense.localizer import Localizer, LocalizerState
 from homsense.modes import Mode
 from homsense.motion import ImuMotion, MotionModel, OdometryMotion

@@ -241,12 +241,12 @@ class Site:
         """Return what a sensor makes of a scan."""
         readings = self.readings(stored)
         visible = self.in_view(readings) if sensor.hops else frozenset()
-        holes = self.count(visible, sensor) if visible else None
+        holes = self._count(visible, sensor) if visible else None
         if sensor.registered is None:
             return Measured(holes)
         return Measured(holes, sensor.registered.likelihood.complex.sighting(readings))
 
-    def count(self, visible: frozenset[str], sensor: Sensor) -> tuple[float, ...] | None:
+    def _count(self, visible: frozenset[str], sensor: Sensor) -> tuple[float, ...] | None:
         """Return the holes near a visible set; None when the complex knows none of it."""
         if sensor.expected == "simulated":
             return self.profiles(sensor.hops).mean_holes(visible)

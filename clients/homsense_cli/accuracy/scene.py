@@ -194,12 +194,13 @@ class Scene:
         heard_by = list(crowd)
         grown = LandmarkComplex.from_observations(seen for seen in heard_by if seen)
         landmarks, expectation = sorted(grown.landmarks), model.expectation
+        profiles = Profiles(grown, expectation.hops)
         if registered is not None and registered.is_sure:
-            profiles = Profiles(grown, expectation.hops)
             counted = registered.counted(profiles, heard_by)
             expectation = krige(expectation, counted, profiles.table(landmarks))
         expectation = expectation.narrowed(model.hops or expectation.best_hops)
-        profiles = Profiles(grown, expectation.hops)
+        if profiles.hops != expectation.hops:
+            profiles = Profiles(grown, expectation.hops)
         noise = expectation.noise(profiles.table(landmarks))
         return cls(
             site_map, free_space, grown, profiles, model.radio, expectation, noise, registered
