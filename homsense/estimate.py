@@ -36,7 +36,8 @@ class PoseDistribution:
     particles : Particles
         Pose hypotheses; the best log-weight is 0.
     cell_m : float, default 5.0
-        Side of a histogram cell, metres; doubled where there would be too many cells.
+        Side of a histogram cell, and standard deviation of the kernel that smooths it, metres;
+        doubled where there would be too many cells.
     backend : Backend, optional
         What runs the sums.
     doubt : Doubt, optional

@@ -110,30 +110,33 @@ def krige(expected: Expectation, counted: Counted, profiles: FloatArray) -> Expe
     walk = np.unique(np.array(counted.walk)[known], return_inverse=True)[1]
     if len(known) < FEWEST_COUNTED or not walk.any():
         return expected
-    process = _Process.of(xy, errors, 0.5 * expected.correlation_m)
-    halves = walk % 2 == 0, walk % 2 == 1
+    scale_m = 0.5 * expected.correlation_m
+    everything = _Observed.of(xy, errors, scale_m)
+    process = _Process.of(everything)
+    halves = [
+        (asked, _Observed.of(xy[~asked], errors[~asked], scale_m))
+        for asked in (walk % 2 == 0, walk % 2 == 1)
+    ]
     left = np.empty_like(errors)
-    for half in halves:
-        error, variance = process.known_from(xy[~half], errors[~half], xy[half])
-        left[half] = (errors[half] - error) / np.sqrt(variance)
+    for asked, others in halves:
+        error, variance = process.known_from(others, xy[asked])
+        left[asked] = (errors[asked] - error) / np.sqrt(variance)
     process = process.of_more_variance(np.maximum(np.square(left).mean(axis=0), 1.0))
     told = [
-        _told(_corrected(expected, process, xy[~half], errors[~half]), xy[half], holes[half])
-        for half in halves
+        _told(_corrected(expected, process, others), xy[asked], holes[asked])
+        for asked, others in halves
     ]
     return replace(
-        _corrected(expected, process, xy, errors),
+        _corrected(expected, process, everything),
         correlation_m=correlation_m(xy, left[None], walk),
         information_bits=tuple(np.mean(told, axis=0).tolist()),
     )
 
 
-def _corrected(
-    expected: Expectation, process: "_Process", xy: FloatArray, errors: FloatArray
-) -> Expectation:
+def _corrected(expected: Expectation, process: "_Process", observed: "_Observed") -> Expectation:
     """Return what is expected where it is known from some places how wrong it is."""
     places = expected.heights[0].grid.centers()
-    error, variance = process.known_from(xy, errors, places)
+    error, variance = process.known_from(observed, places)
     root = np.linalg.cholesky(np.array(expected.correlation))
     mean, spread = _at(expected.heights, places), _at(expected.spreads, places)
     mean += spread * (error @ root.T)
@@ -163,59 +166,76 @@ def _told(expected: Expectation, xy: FloatArray, holes: FloatArray) -> list[floa
     return found
 
 
+class _Observed(NamedTuple):
+    """Values at some places, and the kernel between these in its own axes.
+
+    Parameters
+    ----------
+    xy : ndarray, shape (N, 2), float64
+        Where, metres.
+    scale_m : float
+        Over so many metres correlation falls, exponentially.
+    powers : ndarray, shape (N,), float64
+        Eigenvalues of the kernel; noise adds to them alone.
+    axes : ndarray, shape (N, N), float64
+        Its eigenvectors.
+    values : ndarray, shape (N, L), float64
+        Along the eigenvectors.
+    """
+
+    xy: FloatArray
+    scale_m: float
+    powers: FloatArray
+    axes: FloatArray
+    values: FloatArray
+
+    @classmethod
+    def of(cls, xy: FloatArray, values: FloatArray, scale_m: float) -> Self:
+        """Return what is known of some processes."""
+        powers, axes = eigh(np.exp(-cdist(xy, xy) / scale_m))
+        return cls(xy, scale_m, np.maximum(powers, 0.0), axes, axes.T @ values)
+
+
 @dataclass(frozen=True)
 class _Process:
     """Independent Gaussian processes of one kernel, measured with noise.
 
     Parameters
     ----------
-    scale_m : float
-        Over so many metres their correlation falls, exponentially.
     variance : ndarray, shape (L,), float64
         Of each process.
     noise : ndarray, shape (L,), float64
         Variance of the noise, relative to that of the process.
     """
 
-    scale_m: float
     variance: FloatArray
     noise: FloatArray
 
     @classmethod
-    def of(cls, xy: FloatArray, values: FloatArray, scale_m: float) -> Self:
+    def of(cls, observed: _Observed) -> Self:
         """Return the processes under which some values are most likely."""
-        powers, axes = _eigen(xy, scale_m)
-        totals = powers[:, None] + _NOISES
-        variances = np.square(axes.T @ values).T @ (1.0 / totals) / len(xy)
+        count, totals = len(observed.xy), observed.powers[:, None] + _NOISES
+        variances = np.square(observed.values).T @ (1.0 / totals) / count
         variances = np.maximum(variances, np.finfo(float).tiny)
-        misfit = len(xy) * np.log(variances) + np.log(totals).sum(axis=0)
+        misfit = count * np.log(variances) + np.log(totals).sum(axis=0)
         best = misfit.argmin(axis=1)
-        return cls(scale_m, variances[np.arange(len(best)), best], _NOISES[best])
+        return cls(variances[np.arange(len(best)), best], _NOISES[best])
 
     def of_more_variance(self, times: FloatArray) -> Self:
         """Return the processes that vary so many times as much, and so does their noise."""
         return replace(self, variance=self.variance * times)
 
-    def known_from(
-        self, xy: FloatArray, values: FloatArray, places: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
+    def known_from(self, observed: _Observed, places: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return mean and variance of what is measured next at some places.
 
         It is not below what is left of an error of unit size, of which the values tell a share:
         what they show of a process counts near them alone.
         """
-        powers, axes = _eigen(xy, self.scale_m)
-        seen = np.exp(-cdist(places, xy) / self.scale_m) @ axes
-        weights = 1.0 / (powers[:, None] + self.noise)
-        mean = seen @ (weights * (axes.T @ values))
+        seen = np.exp(-cdist(places, observed.xy) / observed.scale_m) @ observed.axes
+        weights = 1.0 / (observed.powers[:, None] + self.noise)
+        mean = seen @ (weights * observed.values)
         unknown = np.maximum(1.0 - np.square(seen) @ weights, 0.0)
         return mean, np.maximum(self.variance * (unknown + self.noise), np.square(unknown))
-
-
-def _eigen(xy: FloatArray, scale_m: float) -> tuple[FloatArray, FloatArray]:
-    """Return values and vectors of the kernel; noise adds to the values alone."""
-    powers, axes = eigh(np.exp(-cdist(xy, xy) / scale_m))
-    return np.maximum(powers, 0.0), axes
 
 
 def _at(rasters: Sequence[HeightMap], xy: FloatArray) -> FloatArray:

@@ -263,7 +263,7 @@ class Localizer:
         PoseDistribution
             Lazily evaluated.
         """
-        return PoseDistribution(state.particles, backend=self.backend, doubt=state.doubt)
+        return PoseDistribution(state.particles, self.likelihood.blur_m, self.backend, state.doubt)
 
     def migrate(self, state: LocalizerState) -> LocalizerState:
         """Continue a session that began on another map.

@@ -32,6 +32,9 @@ KERNEL_SHARE, KERNEL_CUT = 1.0, 2.5
 NOBODY = 2.0
 INDEPENDENT = 2.0
 CORRELATION_SHARE = 0.55
+BLUR_M = 5.0
+"""Scans of the crowd have found their places to about so much, which no likelihood tells."""
+
 LOST = 0.0005
 """Relocation between two independent measurements, which are only a few metres apart."""
 
@@ -55,6 +58,7 @@ class PlaceLikelihood:
         self.complex = complex_
         self.code_map = CodeMap.blocks(free_space, BLOCK_SHARE * complex_.reach_m)
         self.correlation_m = CORRELATION_SHARE * complex_.reach_m
+        self.blur_m = BLUR_M
         width = KERNEL_SHARE * complex_.reach_m
         middles = self.code_map.expected[1:]
         near = cKDTree(complex_.xy).sparse_distance_matrix(
@@ -203,7 +207,7 @@ class HolesAtPlace:
 
     def __init__(self, place: PlaceLikelihood, heights: Sequence[HeightMap]) -> None:
         self.code_map = place.code_map
-        self.correlation_m = place.correlation_m
+        self.correlation_m, self.blur_m = place.correlation_m, place.blur_m
         self._place = place
         middles = self.code_map.expected[1:]
         self._counts = np.array([np.nan_to_num(height.at(middles)) for height in heights])

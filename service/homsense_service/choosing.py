@@ -39,23 +39,17 @@ def chosen(
     ServiceError
         If it has not been learnt in time, or cannot be.
     """
-    if wanted.type == "homology":
-        return site.sensor(wanted.hops, wanted.expected)
-    if wanted.type == "auto":
-        return _fitting(sites, site, wanted, settings)
+    if wanted.type in {"auto", "homology"}:
+        found = None if wanted.expected == "geometric" else sites.placed(site)
+        is_free = wanted.type == "auto" and wanted.hops is None and wanted.expected is None
+        return _fitting(site, wanted, found if is_free else None)
     registered = site.registering.learnt(sites.crowd(site), settings.expectation_wait_s)
     if wanted.type == "registered":
         return Sensor(registered=registered)
     return replace(site.sensor(wanted.hops, wanted.expected), registered=registered)
 
 
-def _fitting(
-    sites: SiteRegistry, site: Site, wanted: schemas.SensorIn, settings: Settings
-) -> Sensor:
-    counts = wanted.hops is not None or wanted.expected is not None
-    found: Registered | None = None
-    if site.tracked >= settings.registration_scans and not counts:
-        found = site.registering.at_hand(sites.crowd(site))
+def _fitting(site: Site, wanted: schemas.SensorIn, found: Registered | None) -> Sensor:
     if found is None or found.complex.registration.is_doubtful:
         return site.sensor(wanted.hops, wanted.expected)
     counting = site.sensor(wanted.hops, wanted.expected)

@@ -12,6 +12,7 @@ _MOST_IN_VIEW = 60.0
 
 def diagnosed(sites: SiteRegistry, site: Site) -> homsense.Diagnosis:
     """Return the diagnosis of a site; it takes as many of its scans as it learns from."""
+    sites.placed(site)
     learnt = site.learnt()
     scans = sites.some_scans(site)
     heard = [reading for scan in scans for reading in site.readings(scan.readings)]

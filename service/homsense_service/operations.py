@@ -178,6 +178,7 @@ class Operations:
     def expect(self, name: str) -> Expecting:
         """Begin to simulate what the sensor of a site counts, if that is not known."""
         site = self.sites.get(name)
+        self.sites.placed(site)
         site.expecting.refresh(site.question())
         return site.expecting
 

@@ -13,7 +13,7 @@ from homsense_service.background import Builder
 from homsense_service.checkpoints import checkpoint_key, from_bytes, sensing, to_bytes
 from homsense_service.errors import SiteNotFoundError
 from homsense_service.records import Checkpoint, SiteConfig, SiteRecord, StoredScan
-from homsense_service.registering import CrowdQuestion, walk_scan
+from homsense_service.registering import CrowdQuestion, Registered, walk_scan
 from homsense_service.revisions import Expected, check, whatever
 from homsense_service.settings import Settings
 from homsense_service.site import Site
@@ -129,6 +129,12 @@ class SiteRegistry:
             site.map = version
             site.revision += 1
         return version
+
+    def placed(self, site: Site) -> Registered | None:
+        """Return the crowd on the map, however old; begin to place it when enough has a track."""
+        if site.tracked < self._settings.registration_scans:
+            return None
+        return site.registering.at_hand(self.crowd(site))
 
     def add_scans(
         self, site: Site, scans: Sequence[StoredScan]

@@ -23,8 +23,9 @@ WORLD: World = city_world("downtown-44", 3, radio=Radio(s_max_m=72.0))
 
 
 def _scans(phones: range, count: int = 60) -> list[dict[str, Any]]:
+    """Return scans of phones that keep no account of their motion."""
     return [
-        scan
+        {name: value for name, value in scan.items() if name != "track"}
         for phone in phones
         for scan in phone_scans(WORLD, f"p{phone}", np.random.default_rng(phone), count=count)
     ]

@@ -227,6 +227,7 @@ def test_the_sdk_tells_of_the_registration(floor: TestClient) -> None:
 def test_of_a_large_crowd_some_walks_are_laid_out_and_the_others_join(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """It is asked what the site counts, which begins with where its crowd is."""
     crowd = [posted(scan) for scan in BUILDING.crowd(10, 40)]
     most = len(crowd) // 2
     monkeypatch.setattr(placing, "MOST_LAID_OUT", most)
@@ -236,7 +237,8 @@ def test_of_a_large_crowd_some_walks_are_laid_out_and_the_others_join(
         api.put(f"{SITE}/map", json=map_document())
         for first in range(0, len(crowd), 500):
             api.post(f"{SITE}/scans", json={"scans": crowd[first : first + 500]})
-        api.post(f"{SITE}/registration")
+        assert api.post(f"{SITE}/expectation").status_code == 202
+        assert api.get(f"{SITE}/registration").json()["state"] == "building"
         placed = ready(api)["placed"]
     assert placed["scans"] > 0.8 * len(crowd) > most
 

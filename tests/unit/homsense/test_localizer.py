@@ -127,6 +127,18 @@ def test_nothing_passes_through_a_wall() -> None:
     assert pose.mean == pytest.approx([50.0, -10.0], abs=4.0)
 
 
+def test_regions_are_as_wide_as_the_sensor_is_blurred() -> None:
+    localizer = _localizer(prior=GaussianPrior(50.0, 20.0, 1.0))
+    state, areas = localizer.start(seed=1), []
+    for blur_m in (4.0, 8.0):
+        sensor = CodeLikelihood(localizer.code_map, CountNoise())
+        sensor.blur_m = blur_m
+        blurred = Localizer(STREET, HEIGHTS, localizer.config, free_space=FREE, likelihood=sensor)
+        areas.append(blurred.estimate(state).region_area_m2(0.9))
+    assert areas[1] > 2.0 * areas[0]
+    assert areas[0] == localizer.estimate(state).region_area_m2(0.9)
+
+
 @pytest.mark.parametrize("particles", [1, 2, 7])
 def test_few_particles_are_enough_to_run(particles: int) -> None:
     localizer = _localizer(particles=particles, resample_below=1.0)

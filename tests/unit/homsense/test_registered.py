@@ -335,6 +335,7 @@ def test_two_sensors_are_weighed_each_at_its_own_pace() -> None:
     joint = JointLikelihood(place, counts)
     sighting = Sighting((0, 3), (5, 2))
     assert joint.correlation_m == place.correlation_m
+    assert joint.blur_m == place.blur_m > counts.blur_m
     assert np.array_equal(joint(JointMeasurement(first=sighting)), place(sighting))
     both = joint(JointMeasurement(sighting, (1.0,)))
     alone = joint(JointMeasurement(second=(1.0,)))
