@@ -15,7 +15,6 @@ from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eigh
 from scipy.spatial.distance import cdist
 
 from homsense.correlation import DIGITS, between_levels, correlation_m, independent
@@ -192,7 +191,7 @@ class _Observed(NamedTuple):
     @classmethod
     def of(cls, xy: FloatArray, values: FloatArray, scale_m: float) -> Self:
         """Return what is known of some processes."""
-        powers, axes = eigh(np.exp(-cdist(xy, xy) / scale_m))
+        powers, axes = np.linalg.eigh(np.exp(-cdist(xy, xy) / scale_m))
         return cls(xy, scale_m, np.maximum(powers, 0.0), axes, axes.T @ values)
 
 

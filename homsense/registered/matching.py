@@ -21,9 +21,9 @@ Spectrum = NDArray[np.complex64]
 
 M_PER_NAT = 0.06
 SCALE, LOG_SCALE_SD = 1.05, 0.15
-GREATEST_SCALE = 1.8
 SWEEPS = 2
 _BORDER = 12
+_ROOM = 1.01
 
 
 class Placement(NamedTuple):
@@ -164,15 +164,21 @@ class Matcher:
         Each around its middle, metres, the largest first.
     rotation_sd_rad : float or None
         How far the headings of the crowd are from those of the map; unknown when None.
+    greatest_scale : float
+        Of the placements to be tried: the less, the faster.
     """
 
     def __init__(
-        self, ground: Ground, parts: Sequence[FloatArray], rotation_sd_rad: float | None
+        self,
+        ground: Ground,
+        parts: Sequence[FloatArray],
+        rotation_sd_rad: float | None,
+        greatest_scale: float,
     ) -> None:
         self._ground, self._grid = ground, ground.grid
         self._parts, self._rotation_sd_rad = parts, rotation_sd_rad
         self._scans = sum(map(len, parts))
-        reach = 1.1 * GREATEST_SCALE * max(np.linalg.norm(part, axis=1).max() for part in parts)
+        reach = _ROOM * greatest_scale * max(np.linalg.norm(part, axis=1).max() for part in parts)
         side = math.ceil(2.0 * reach / self._grid.cell_m) + 4 * _BORDER
         self._size = tuple(
             fft.next_fast_len(length + side, real=True) for length in ground.free.shape

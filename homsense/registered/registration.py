@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from homsense.free_space import FreeSpace
 from homsense.registered.ground import WORST_M, Ground
-from homsense.registered.matching import GREATEST_SCALE, Fit, Matcher, Placement
+from homsense.registered.matching import Fit, Matcher, Placement
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 DOUBTFUL_M, MIRRORED_M = 0.4, 0.3
-SCALES = tuple(float(scale) for scale in np.geomspace(0.8, GREATEST_SCALE, 9))
+SCALES = tuple(float(scale) for scale in np.geomspace(0.8, 1.8, 9))
 ROTATION_STEP = math.radians(6.0)
 COARSE_M, COARSE_CELLS = 2.0, 200
 LIKELY_ROTATIONS = 6.0
@@ -24,6 +24,7 @@ SIMILAR_M, SIMILAR = 6.0, 8
 DISTINCT_M, DISTINCT = 15.0, 4
 COMPASS_RAD = 0.07
 _FINER = ((math.radians(3.0), 0.05), (math.radians(1.5), 0.025))
+_STRETCHED = math.prod(1.0 + stretch for _, stretch in _FINER)
 
 
 @dataclass(frozen=True)
@@ -106,22 +107,27 @@ def register(
     middles = np.array([points.mean(axis=0) for points in parts])
     shapes = [points - middle for points, middle in zip(parts, middles, strict=True)]
     cell_m = max(COARSE_M, max(free_space.grid.shape) * free_space.grid.cell_m / COARSE_CELLS)
-    coarse = Matcher(Ground.of(free_space, cell_m), shapes, rotation_sd_rad)
+    ground = Ground.of(free_space, cell_m)
     steps = round(math.pi / ROTATION_STEP)
     if rotation_sd_rad is not None:
         steps = min(steps, math.ceil(LIKELY_ROTATIONS * rotation_sd_rad / ROTATION_STEP))
     tried = [
-        coarse.best(turn * ROTATION_STEP, scale)
-        for turn in range(-steps, steps + 1)
+        matcher.best(turn * ROTATION_STEP, scale)
         for scale in SCALES
+        for matcher in [Matcher(ground, shapes, rotation_sd_rad, scale)]
+        for turn in range(-steps, steps + 1)
     ]
-    fine = Matcher(Ground.of(free_space), shapes, rotation_sd_rad)
     ordered = sorted(tried, key=lambda fit: fit.cost_m)
     chosen = {0}
     if thorough:
         places = [np.concatenate(fit.place(shapes)) for fit in ordered]
         chosen = {*apart(places, SIMILAR_M, SIMILAR), *apart(places, DISTINCT_M, DISTINCT)}
-    return [_moved(_finer(fine, ordered[number]), middles) for number in sorted(chosen)]
+    ground, found = Ground.of(free_space), []
+    for number in sorted(chosen):
+        start = ordered[number]
+        matcher = Matcher(ground, shapes, rotation_sd_rad, start.scale * _STRETCHED)
+        found.append(_moved(_finer(matcher, start), middles))
+    return found
 
 
 def apart(layouts: Iterable[FloatArray], least_m: float, keep: int) -> list[int]:
