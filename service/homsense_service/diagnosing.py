@@ -11,7 +11,11 @@ _MOST_IN_VIEW = 60.0
 
 
 def diagnosed(sites: SiteRegistry, site: Site) -> homsense.Diagnosis:
-    """Return the diagnosis of a site; it takes as many of its scans as it learns from."""
+    """Return the diagnosis of a site; it takes as many of its scans as it learns from.
+
+    Where the crowd has corrected what is expected, bits are measured on the site itself, and
+    whether it is like simulated sites is no longer asked.
+    """
     sites.placed(site)
     learnt = site.learnt()
     scans = sites.some_scans(site)
@@ -28,7 +32,7 @@ def diagnosed(sites: SiteRegistry, site: Site) -> homsense.Diagnosis:
         median_witnesses=homsense.median_witnesses(seen),
         quorum=config.quorum,
         stale_share=_stale_share(heard, config.min_rssi_dbm, config.max_age_s),
-        gains=site.gains(learnt),
+        gains=() if learnt.knows_crowd else site.gains(learnt),
     )
 
 

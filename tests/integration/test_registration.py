@@ -146,6 +146,9 @@ def test_the_site_learns_what_it_counts_from_where_the_crowd_walks(floor: TestCl
     helps = learnt["information_bits"][len(learnt["hops"]) - 1] >= HELPFUL * recognized
     assert auto["sensor"] == ("both" if helps else "registered")
     assert auto["hops"] == (learnt["hops"] if helps else [])
+    topics = [one["topic"] for one in floor.get(f"{SITE}/diagnosis").json()["findings"]]
+    assert "information" in topics
+    assert "likeness" not in topics
 
 
 def test_a_session_finds_itself_among_the_crowd(floor: TestClient) -> None:
