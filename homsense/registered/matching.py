@@ -24,6 +24,7 @@ SCALE, LOG_SCALE_SD = 1.05, 0.15
 SWEEPS = 2
 _BORDER = 12
 _ROOM = 1.01
+"""What is turned and rounded may reach a little farther than it did."""
 
 
 class Placement(NamedTuple):

@@ -107,14 +107,14 @@ def register(
     middles = np.array([points.mean(axis=0) for points in parts])
     shapes = [points - middle for points, middle in zip(parts, middles, strict=True)]
     cell_m = max(COARSE_M, max(free_space.grid.shape) * free_space.grid.cell_m / COARSE_CELLS)
-    ground = Ground.of(free_space, cell_m)
+    coarse = Ground.of(free_space, cell_m)
     steps = round(math.pi / ROTATION_STEP)
     if rotation_sd_rad is not None:
         steps = min(steps, math.ceil(LIKELY_ROTATIONS * rotation_sd_rad / ROTATION_STEP))
     tried = [
         matcher.best(turn * ROTATION_STEP, scale)
         for scale in SCALES
-        for matcher in [Matcher(ground, shapes, rotation_sd_rad, scale)]
+        for matcher in [Matcher(coarse, shapes, rotation_sd_rad, scale)]
         for turn in range(-steps, steps + 1)
     ]
     ordered = sorted(tried, key=lambda fit: fit.cost_m)
@@ -122,10 +122,10 @@ def register(
     if thorough:
         places = [np.concatenate(fit.place(shapes)) for fit in ordered]
         chosen = {*apart(places, SIMILAR_M, SIMILAR), *apart(places, DISTINCT_M, DISTINCT)}
-    ground, found = Ground.of(free_space), []
+    fine, found = Ground.of(free_space), []
     for number in sorted(chosen):
         start = ordered[number]
-        matcher = Matcher(ground, shapes, rotation_sd_rad, start.scale * _STRETCHED)
+        matcher = Matcher(fine, shapes, rotation_sd_rad, start.scale * _STRETCHED)
         found.append(_moved(_finer(matcher, start), middles))
     return found
 

@@ -41,18 +41,18 @@ def chosen(
     """
     if wanted.type in {"auto", "homology"}:
         found = None if wanted.expected == "geometric" else sites.placed(site)
+        counting = site.sensor(wanted.hops, wanted.expected)
         is_free = wanted.type == "auto" and wanted.hops is None and wanted.expected is None
-        return _fitting(site, wanted, found if is_free else None)
+        return _fitting(site, counting, found) if is_free else counting
     registered = site.registering.learnt(sites.crowd(site), settings.expectation_wait_s)
     if wanted.type == "registered":
         return Sensor(registered=registered)
     return replace(site.sensor(wanted.hops, wanted.expected), registered=registered)
 
 
-def _fitting(site: Site, wanted: schemas.SensorIn, found: Registered | None) -> Sensor:
+def _fitting(site: Site, counting: Sensor, found: Registered | None) -> Sensor:
     if found is None or found.complex.registration.is_doubtful:
-        return site.sensor(wanted.hops, wanted.expected)
-    counting = site.sensor(wanted.hops, wanted.expected)
+        return counting
     return replace(counting if _counts_help(site, counting, found) else Sensor(), registered=found)
 
 
