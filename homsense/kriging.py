@@ -24,10 +24,12 @@ from homsense.noise import advantage_bits
 from homsense.profiles import Profiles
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 MOST_COUNTED = 1500
 FEWEST_COUNTED = 50
 _MOST_ASKED = 200
+_ASTRAY = 6.0
 _NOISES = np.geomspace(0.001, 30.0, 32)
 
 
@@ -96,7 +98,8 @@ def krige(expected: Expectation, counted: Counted, profiles: FloatArray) -> Expe
     Expectation
         Mean and spread of what the next scan counts at each place. On walks that are left out it
         is measured whether errors are larger than they should be, how far along a walk they are
-        alike, and what a scan tells about its place. The same as before when few scans have
+        alike, and what a scan tells about its place. A walk that errs far more than others do is
+        not where it was found to be and is left out. The same as before when few scans have
         counted.
     """
     noise, correlation = expected.noise(profiles), np.array(expected.correlation)
@@ -120,6 +123,11 @@ def krige(expected: Expectation, counted: Counted, profiles: FloatArray) -> Expe
     for asked, others in halves:
         error, variance = process.known_from(others, xy[asked])
         left[asked] = (errors[asked] - error) / np.sqrt(variance)
+    astray = _astray(left, walk)
+    if astray.any():
+        kept = known[~astray]
+        walks = np.array(counted.walk)[kept].tolist()
+        return krige(expected, Counted(walks, counted.xy[kept], counted.holes[kept]), profiles)
     process = process.of_more_variance(np.maximum(np.square(left).mean(axis=0), 1.0))
     told = [
         _told(_corrected(expected, process, others), xy[asked], holes[asked])
@@ -130,6 +138,16 @@ def krige(expected: Expectation, counted: Counted, profiles: FloatArray) -> Expe
         correlation_m=correlation_m(xy, left[None], walk),
         information_bits=tuple(np.mean(told, axis=0).tolist()),
     )
+
+
+def _astray(errors: FloatArray, walk: IntArray) -> NDArray[np.bool_]:
+    """Tell which scans are of the walk that errs most, if it does several times as is usual.
+
+    One walk at a time: those around it may err because of it.
+    """
+    powers = np.bincount(walk, np.square(errors).mean(axis=1)) / np.bincount(walk)
+    is_astray = bool(powers.max() > _ASTRAY * np.median(powers))
+    return np.full(len(walk), is_astray) & (walk == powers.argmax())
 
 
 def _corrected(expected: Expectation, process: "_Process", observed: "_Observed") -> Expectation:

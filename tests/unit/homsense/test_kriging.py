@@ -1,5 +1,6 @@
 """What a crowd has counted where it was found corrects what is expected there, and around it."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -108,6 +109,22 @@ def test_a_crowd_that_stands_still_is_one_place() -> None:
     still = scans._replace(xy=np.full((100, 2), 200.0), holes=np.tile([9.0, 14.0], (100, 1)))
     after = krige(plain(), still, PROFILES)
     assert at(after.heights, still.xy[:1]) == pytest.approx(still.holes[:1], abs=0.3)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_a_walk_that_was_elsewhere_changes_nothing(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    scans = counted(seed, 600, 0.3)
+    line = np.linspace([40.0, 60.0], [390.0, 350.0], 30)
+    astray = Counted(
+        [*scans.walk, *["astray"] * 30],
+        np.vstack([scans.xy, line]),
+        np.vstack([scans.holes, rng.normal([30.0, 60.0], size=(30, 2))]),
+    )
+    without, after = krige(plain(), scans, PROFILES), krige(plain(), astray, PROFILES)
+    for one, other in zip(without.heights, after.heights, strict=True):
+        assert np.allclose(one.values, other.values, atol=1e-3, equal_nan=True)
+    assert after == replace(without, heights=after.heights, spreads=after.spreads)
 
 
 @pytest.mark.parametrize(("size", "walks"), [(0, 1), (49, 5), (300, 1)])
