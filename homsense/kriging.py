@@ -146,8 +146,8 @@ def _astray(errors: FloatArray, walk: IntArray) -> NDArray[np.bool_]:
     One walk at a time: those around it may err because of it.
     """
     powers = np.bincount(walk, np.square(errors).mean(axis=1)) / np.bincount(walk)
-    is_astray = bool(powers.max() > _ASTRAY * np.median(powers))
-    return np.full(len(walk), is_astray) & (walk == powers.argmax())
+    of_worst: NDArray[np.bool_] = walk == powers.argmax()
+    return of_worst & bool(powers.max() > _ASTRAY * np.median(powers))
 
 
 def _corrected(expected: Expectation, process: "_Process", observed: "_Observed") -> Expectation:
