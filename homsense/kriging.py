@@ -80,6 +80,27 @@ class Counted(NamedTuple):
         holes = [profiles.mean_holes(visible) or nothing for visible in seen]
         return cls(walk, xy, np.array(holes).reshape(-1, len(profiles.hops)))
 
+    def some(self, which: IntArray) -> Self:
+        """Choose some of the scans.
+
+        Parameters
+        ----------
+        which : ndarray, shape (M,), int64
+            Their numbers.
+
+        Returns
+        -------
+        Counted
+            Of these, in this order.
+
+        Examples
+        --------
+        >>> Counted(["a", "b"], np.zeros((2, 2)), np.ones((2, 3))).some(np.array([1])).walk
+        ['b']
+        """
+        walks = [self.walk[scan] for scan in which.tolist()]
+        return self._replace(walk=walks, xy=self.xy[which], holes=self.holes[which])
+
 
 def krige(expected: Expectation, counted: Counted, profiles: FloatArray) -> Expectation:
     """Correct what is expected by what has been counted.
@@ -125,9 +146,7 @@ def krige(expected: Expectation, counted: Counted, profiles: FloatArray) -> Expe
         left[asked] = (errors[asked] - error) / np.sqrt(variance)
     astray = _astray(left, walk)
     if astray.any():
-        kept = known[~astray]
-        walks = np.array(counted.walk)[kept].tolist()
-        return krige(expected, Counted(walks, counted.xy[kept], counted.holes[kept]), profiles)
+        return krige(expected, counted.some(known[~astray]), profiles)
     process = process.of_more_variance(np.maximum(np.square(left).mean(axis=0), 1.0))
     told = [
         _told(_corrected(expected, process, others), xy[asked], holes[asked])

@@ -53,11 +53,6 @@ def counted(seed: int, size: int, noise: float, west_m: float = 400.0) -> Counte
     return Counted(walks, xy, [5.0, 10.0] + 2.0 * errors)
 
 
-def some_of(scans: Counted, which: slice | np.ndarray) -> Counted:
-    walks = np.array(scans.walk)[which].tolist()
-    return scans._replace(walk=walks, xy=scans.xy[which], holes=scans.holes[which])
-
-
 def at(rasters: tuple[HeightMap, ...], xy: np.ndarray) -> np.ndarray:
     return np.stack([raster.at(xy) for raster in rasters], axis=1)
 
@@ -65,7 +60,7 @@ def at(rasters: tuple[HeightMap, ...], xy: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_what_is_counted_next_is_as_far_off_as_is_said(seed: int) -> None:
     scans = counted(seed, 900, 0.3)
-    known, new = some_of(scans, slice(0, 600)), some_of(scans, slice(600, None))
+    known, new = scans.some(np.arange(600)), scans.some(np.arange(600, 900))
     before, after = plain(), krige(plain(), known, PROFILES)
     off = new.holes - at(after.heights, new.xy)
     assert np.square(off).mean() < 0.5 * np.square(new.holes - at(before.heights, new.xy)).mean()
@@ -99,7 +94,7 @@ def test_the_order_of_scans_and_what_is_not_counted_do_not_matter() -> None:
         holes=np.vstack([scans.holes, [[np.nan, np.nan], [5.0, 10.0]]]),
     )
     order = np.random.default_rng(0).permutation(302)
-    once, again = krige(plain(), scans, PROFILES), krige(plain(), some_of(deaf, order), PROFILES)
+    once, again = krige(plain(), scans, PROFILES), krige(plain(), deaf.some(order), PROFILES)
     for one, other in zip(once.heights + once.spreads, again.heights + again.spreads, strict=True):
         assert np.allclose(one.values, other.values, atol=2e-4, equal_nan=True)
 
@@ -129,7 +124,7 @@ def test_a_walk_that_was_elsewhere_changes_nothing(seed: int) -> None:
 
 @pytest.mark.parametrize(("size", "walks"), [(0, 1), (49, 5), (300, 1)])
 def test_too_few_scans_or_walks_correct_nothing(size: int, walks: int) -> None:
-    scans = some_of(counted(0, 300, 0.3), slice(0, size))
+    scans = counted(0, 300, 0.3).some(np.arange(size))
     few = scans._replace(walk=[f"walk {number % walks}" for number in range(size)])
     before = plain()
     assert krige(before, few, PROFILES) is before
