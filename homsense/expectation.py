@@ -188,7 +188,10 @@ class Expectation:
         spread: FloatArray,
         levels: int,
     ) -> float:
-        """Return what one scan tells when its own world is not among those that are known."""
+        """Return what one scan tells when its own world is not among those that are known.
+
+        Nothing where no scan hears anything.
+        """
         noise = self.narrowed(self.hops[:levels]).noise()
         told: list[float] = []
         for world in range(0, len(counts), max(1, len(counts) // 4)):
@@ -199,7 +202,7 @@ class Expectation:
             fields = np.concatenate([others, spread[known, :levels]], axis=1)
             truths = range(0, len(known), max(1, len(known) // _TRUTHS))
             told += advantage_bits(noise.weigher(fields), own[truths], truths)
-        return float(np.mean(told))
+        return float(np.mean(told)) if told else 0.0
 
 
 def expect(  # noqa: PLR0913 - all that a simulation takes

@@ -1,7 +1,7 @@
 """What a site learns in the background: the latest is kept while it is learnt anew."""
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from concurrent.futures import Future, ThreadPoolExecutor
 from concurrent.futures import TimeoutError as TooLate
 from dataclasses import dataclass
@@ -67,18 +67,18 @@ class OfMap(Protocol):
         """How many there are."""
         ...
 
+    @property
+    def conditions(self) -> Hashable:
+        """What else decides the answer; it is learnt anew when this changes."""
+        ...
+
 
 class ForMap(Protocol):
-    """What is known for a map from so many scans."""
+    """What is known for a map."""
 
     @property
     def map_digest(self) -> str:
         """The map."""
-        ...
-
-    @property
-    def scans(self) -> int:
-        """How many there were."""
         ...
 
 
@@ -106,6 +106,8 @@ class Words:
 class Background(Generic[Question, Known]):
     """One thing that a site learns about its map from its scans.
 
+    What cannot be learnt from these scans is not tried again before there are more of them.
+
     Parameters
     ----------
     builder : Builder
@@ -128,11 +130,13 @@ class Background(Generic[Question, Known]):
         self._builder, self._build, self.words, self._grown = builder, build, words, grown
         self._lock = threading.Lock()
         self._building: Future[Known] | None = None
+        self._asked: Question | None = None
+        self._in_vain: Future[Known] | None = None
         self.current: Known | None = None
         self.progress = Progress("none")
 
     def refresh(self, question: Question) -> Future[Known] | None:
-        """Begin to work when map or scans have changed much, unless that goes on already.
+        """Begin to work when map, scans or conditions have changed, unless that goes on already.
 
         Parameters
         ----------
@@ -142,12 +146,16 @@ class Background(Generic[Question, Known]):
         Returns
         -------
         Future, optional
-            None when what is known still holds.
+            None when what is known still holds; the last one when it was in vain and would be so
+            again.
         """
         with self._lock:
-            if self._building is None and not self._holds(question):
-                self.progress = Progress("building")
-                self._building = self._builder.pool.submit(self._work, question)
+            if self._building is not None:
+                return self._building
+            if self._holds(question):
+                return self._in_vain
+            self.progress = Progress("building")
+            self._building = self._builder.pool.submit(self._work, question)
             return self._building
 
     def at_hand(self, question: Question) -> Known | None:
@@ -202,26 +210,29 @@ class Background(Generic[Question, Known]):
         return known
 
     def _holds(self, question: Question) -> bool:
-        known = self.current
+        asked = self._asked
         return (
-            known is not None
-            and known.map_digest == question.map_version.digest
-            and known.scans <= question.scans <= self._grown * known.scans
+            asked is not None
+            and asked.map_version.digest == question.map_version.digest
+            and asked.conditions == question.conditions
+            and asked.scans <= question.scans <= self._grown * asked.scans
         )
 
     def _work(self, question: Question) -> Known:
         try:
             known = self._build(question, self._on_step)
         except BaseException as error:
-            self._finish(Progress("failed", reason=str(error)))
+            with self._lock:
+                self.progress = Progress("failed", reason=str(error))
+                is_lasting = isinstance(error, homsense.HomsenseError)
+                self._asked = question if is_lasting else None
+                self._in_vain, self._building = self._building, None
             raise
-        self.current = known
-        self._finish(Progress("ready", self.progress.done))
-        return known
-
-    def _finish(self, progress: Progress) -> None:
         with self._lock:
-            self.progress, self._building = progress, None
+            self.current = known
+            self.progress = Progress("ready", self.progress.done)
+            self._asked, self._in_vain, self._building = question, None, None
+        return known
 
     def _on_step(self, done: int) -> None:
         if self._builder.stopping.is_set():

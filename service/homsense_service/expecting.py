@@ -65,6 +65,8 @@ class Question:
         Returns the holes near each landmark for some neighborhoods.
     crowd : callable
         Returns where the crowd walks, if that is known by then.
+    conditions : tuple
+        What of the configuration decides what scans are made into.
     """
 
     map_version: MapVersion
@@ -74,6 +76,7 @@ class Question:
     in_view: Callable[[Iterable[homsense.Reading]], frozenset[str]]
     profiles: Callable[[tuple[int, ...]], homsense.Profiles]
     crowd: Callable[[], WalkedCrowd | None]
+    conditions: tuple[object, ...]
 
 
 @dataclass(frozen=True)
@@ -113,16 +116,16 @@ class Expecting(Background[Question, Learnt]):
     def __init__(self, builder: Builder) -> None:
         super().__init__(builder, self._learn, _WORDS)
         self._engine = builder.engine
+        self._knew_crowd = False
         self._known: OrderedDict[tuple[object, ...], homsense.Expectation] = OrderedDict()
 
     def _holds(self, question: Question) -> bool:
-        known = self.current
-        is_informed = known is not None and known.knows_crowd
-        return super()._holds(question) and (is_informed or question.crowd() is None)
+        return super()._holds(question) and (self._knew_crowd or question.crowd() is None)
 
     def _learn(self, question: Question, on_world: Callable[[int], None]) -> Learnt:
         space, digest = question.map_version.free_space, question.map_version.digest
         crowd, seen = question.crowd(), list(question.sample.values())
+        self._knew_crowd = crowd is not None
         walked = sample_xy = None
         if crowd is not None:
             walked, sample_xy = crowd.xy, crowd.sample_xy

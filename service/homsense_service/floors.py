@@ -43,6 +43,12 @@ class FloorsQuestion:
         """How many scans of the crowd have tracks."""
         return self.crowd.scans
 
+    @property
+    def conditions(self) -> tuple[object, ...]:
+        """How the crowd is understood, and the candidates."""
+        maps = ((name, version.digest) for name, version in self.maps.items())
+        return *self.crowd.conditions, *maps
+
 
 @dataclass(frozen=True)
 class RankedFloors:
@@ -64,11 +70,6 @@ class RankedFloors:
         """The map of its own site."""
         return self.question.map_version.digest
 
-    @property
-    def scans(self) -> int:
-        """How many scans there were."""
-        return self.question.scans
-
 
 class RankingFloors(Background[FloorsQuestion, RankedFloors]):
     """The ranking for the crowd of one site.
@@ -81,13 +82,6 @@ class RankingFloors(Background[FloorsQuestion, RankedFloors]):
 
     def __init__(self, builder: Builder) -> None:
         super().__init__(builder, _rank, _WORDS)
-
-    def _holds(self, question: FloorsQuestion) -> bool:
-        return (
-            self.current is not None
-            and self.current.question.maps == question.maps
-            and super()._holds(question)
-        )
 
 
 def _rank(question: FloorsQuestion, on_step: Callable[[int], None]) -> RankedFloors:

@@ -42,6 +42,8 @@ class CrowdQuestion:
         Returns them.
     rotation_sd_rad : float, optional
         How far the headings of the crowd are from east, radians; unknown when absent.
+    conditions : tuple
+        What of the configuration decides where the crowd is placed.
     """
 
     map_version: MapVersion
@@ -49,6 +51,7 @@ class CrowdQuestion:
     scans: int
     walks: Callable[[], Iterable[homsense.WalkScan]]
     rotation_sd_rad: float | None
+    conditions: tuple[object, ...]
 
 
 @dataclass(frozen=True)
@@ -79,6 +82,8 @@ class Registered:
         How many there were when the crowd was laid out as a whole; others have joined it since.
     names : str
         Hash of which scans there were.
+    conditions : tuple
+        Under which it was placed.
     """
 
     map_version: MapVersion
@@ -92,6 +97,7 @@ class Registered:
     sample_xy: NDArray[np.float64]
     laid_out: int = 0
     names: str = ""
+    conditions: tuple[object, ...] = ()
 
     @property
     def map_digest(self) -> str:
@@ -150,6 +156,7 @@ def _can_grow(
     """Tell whether scans can join a crowd that has been placed: few, and none of it deleted."""
     return (
         known.map_digest == question.map_version.digest
+        and known.conditions == question.conditions
         and known.complex.registration.is_doubtful is False
         and known.scans < len(scans) <= GROWN * known.laid_out
         and known.names == _names(scans[: known.scans])
@@ -218,4 +225,5 @@ def _registered(
         walked.xy[some],
         laid_out,
         _names(scans),
+        question.conditions,
     )

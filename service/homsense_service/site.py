@@ -11,7 +11,7 @@ import homsense
 from homsense.engine import Engine, fastest
 from homsense.likelihood import CodeLikelihood
 from homsense_service.background import Builder
-from homsense_service.checkpoints import Digested
+from homsense_service.checkpoints import Digested, sensing
 from homsense_service.errors import MapMissingError
 from homsense_service.expecting import Expecting, Learnt, Question, WalkedCrowd
 from homsense_service.floors import RankingFloors
@@ -289,12 +289,13 @@ class Site:
             self.in_view,
             self.profiles,
             self._walked_crowd,
+            sensing(self.config),
         )
 
     def _walked_crowd(self) -> WalkedCrowd | None:
         """Return where the crowd walks, if it has a place on the map beyond doubt."""
         crowd = self.registering.current
-        if crowd is None or crowd.map_version is not self.map:
+        if crowd is None or self.map is None or crowd.map_digest != self.map.digest:
             return None
         if crowd.complex.registration.is_doubtful:
             return None

@@ -197,13 +197,14 @@ class SiteRegistry:
 
     def crowd(self, site: Site) -> CrowdQuestion:
         """Return what the registration of a site depends on now."""
-        version = site.require_map()
+        version, config = site.require_map(), site.config
         return CrowdQuestion(
             version,
             site.reachable(version),
             site.tracked,
             lambda: self._walks(site),
-            COMPASS_RAD if site.config.track_headings == "east" else None,
+            COMPASS_RAD if config.track_headings == "east" else None,
+            (config.landmark_key, config.track_headings, config.wall_tolerance_m),
         )
 
     def _walks(self, site: Site) -> Iterator[homsense.WalkScan]:

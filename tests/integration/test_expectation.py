@@ -49,13 +49,12 @@ def town(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
         api.put(SITE, json={})
         api.put(f"{SITE}/map", json=WORLD.map_document())
         api.post(f"{SITE}/scans", json={"scans": _scans(range(16))})
+        assert api.post(f"{SITE}/expectation").status_code == 202
         yield api
 
 
 def test_a_site_learns_its_radio_and_sessions_measure_with_it(town: TestClient) -> None:
-    begun = town.post(f"{SITE}/expectation")
-    assert begun.status_code == 202
-    assert begun.json()["state"] in {"building", "ready"}
+    assert town.post(f"{SITE}/expectation").json()["state"] in {"building", "ready"}
     learnt = _ready(town)["learnt"]
     assert abs(learnt["range_m"] - 72.0) < 12.0
     assert learnt["knows_crowd"] is False
@@ -116,6 +115,14 @@ def test_many_more_scans_are_learnt_from_again(town: TestClient) -> None:
     for first in range(16, 32, 8):
         town.post(f"{SITE}/scans", json={"scans": _scans(range(first, first + 8))})
     assert _ready(town, scans=int(1.25 * before))["learnt"]["scans"] > before
+
+
+def test_another_cut_is_learnt_under(town: TestClient) -> None:
+    before = _ready(town)["learnt"]
+    town.put(SITE, json={"min_rssi_dbm": -80.0})
+    assert town.post(f"{SITE}/expectation").json()["state"] == "building"
+    assert _ready(town)["learnt"]["range_m"] < before["range_m"]
+    town.put(SITE, json={})
 
 
 def test_a_site_with_few_scans_is_geometric_and_says_so(api: TestClient, site: str) -> None:

@@ -27,7 +27,7 @@ from homsense import (
 from homsense.likelihood import CodeLikelihood
 from homsense.radio import crowd_places, free_places, placement
 from homsense.sight import in_view
-from homsense.simulation import Stage, simulate
+from homsense.simulation import Stage, World, simulate
 
 TOWN = SiteMap.from_geojson(
     local_map(
@@ -216,6 +216,14 @@ def test_worlds_in_which_nothing_is_heard_are_refused() -> None:
     worlds = list(simulate(stage, deaf, (1,), worlds=3))
     with pytest.raises(InvalidInputError, match="nothing is heard"):
         Expectation.of(stage, (1,), worlds)
+
+
+def test_worlds_in_which_nothing_is_heard_from_any_place_tell_nothing() -> None:
+    stage = Stage.of(FREE)
+    unheard = np.full((len(stage.places), 1), np.nan)
+    expected = Expectation.of(stage, (1,), [World(unheard, np.ones((2, 1)))] * 3)
+    assert expected.information_bits == (0.0,)
+    assert expected.heights[0].at(stage.places).tolist() == [1.0] * len(stage.places)
 
 
 def test_too_few_worlds_are_refused() -> None:

@@ -1,0 +1,113 @@
+"""What a site learns is learnt anew when it could be different, and only then."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import pytest
+from homsense_service.background import Background, Builder, Words
+from homsense_service.errors import RegistrationFailedError, RegistrationPendingError
+from homsense_service.versions import MapVersion
+from support.builders import SITE_MAP
+
+from homsense.engine import fastest
+from homsense.errors import HomsenseError
+
+WORDS = Words("at it", "cannot be", 1, RegistrationPendingError, RegistrationFailedError)
+MAP = MapVersion.read(SITE_MAP, None, 4.0)
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A question about one map."""
+
+    scans: int
+    conditions: str = "as before"
+    map_version: MapVersion = MAP
+
+
+@dataclass(frozen=True)
+class Told:
+    """Its answer."""
+
+    scans: int
+    map_digest: str = MAP.digest
+
+
+class Learner:
+    """Answers, or fails, and counts how often it was asked."""
+
+    def __init__(self) -> None:
+        self.error: Exception | None = None
+        self.tried = 0
+
+    def __call__(self, question: Asked, _on_step: Callable[[int], None]) -> Told:
+        self.tried += 1
+        if self.error is not None:
+            raise self.error
+        return Told(question.scans)
+
+
+@pytest.fixture
+def learner() -> Learner:
+    return Learner()
+
+
+@pytest.fixture
+def learning(learner: Learner) -> Iterator[Background[Asked, Told]]:
+    builder = Builder(fastest)
+    yield Background(builder, learner, WORDS)
+    builder.close()
+
+
+def _settled(learning: Background[Asked, Told], question: Asked) -> None:
+    if (building := learning.refresh(question)) is not None:
+        building.exception(timeout=10.0)
+
+
+def test_what_holds_is_not_learnt_again(
+    learning: Background[Asked, Told], learner: Learner
+) -> None:
+    for scans in (100, 101, 125):
+        assert learning.learnt(Asked(scans), 10.0).scans == 100
+    assert learner.tried == 1
+
+
+@pytest.mark.parametrize("changed", [Asked(126), Asked(99), Asked(100, "another cut")])
+def test_it_is_learnt_again_when_scans_or_conditions_have_changed(
+    learning: Background[Asked, Told], learner: Learner, changed: Asked
+) -> None:
+    learning.learnt(Asked(100), 10.0)
+    _settled(learning, changed)
+    assert learner.tried == 2
+    assert learning.learnt(changed, 10.0).scans == changed.scans
+
+
+def test_what_cannot_be_learnt_is_tried_again_from_more_scans_only(
+    learning: Background[Asked, Told], learner: Learner
+) -> None:
+    learner.error = HomsenseError("too few")
+    for _ in range(3):
+        with pytest.raises(RegistrationFailedError, match="cannot be: too few"):
+            learning.learnt(Asked(100), 10.0)
+        assert learning.at_hand(Asked(110)) is None
+    assert (learner.tried, learning.progress.state) == (1, "failed")
+    learner.error = None
+    assert learning.learnt(Asked(126), 10.0).scans == 126
+
+
+def test_what_failed_under_other_conditions_is_tried_again(
+    learning: Background[Asked, Told], learner: Learner
+) -> None:
+    learner.error = HomsenseError("no place")
+    _settled(learning, Asked(100))
+    learner.error = None
+    assert learning.learnt(Asked(100, "another cut"), 10.0).scans == 100
+
+
+def test_an_accident_is_no_reason_not_to_try_again(
+    learning: Background[Asked, Told], learner: Learner
+) -> None:
+    learner.error = RuntimeError("the disk is away")
+    _settled(learning, Asked(100))
+    learner.error = None
+    assert learning.learnt(Asked(100), 10.0).scans == 100
