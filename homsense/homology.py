@@ -155,7 +155,7 @@ class MayerVietoris:
     def _glue(self, index: int, simplex: int, shared: int) -> Planes:
         """Return the planes of a new simplex; kill the classes that are not trivial on L."""
         planes: Planes = {}
-        first = self._best_overlap(simplex, shared)
+        first = self._best_overlap(shared)
         pieces: list[tuple[int, int]] = []
         uncovered = shared
         start = first
@@ -167,18 +167,22 @@ class MayerVietoris:
                 break
             lowest = (uncovered & -uncovered).bit_length() - 1
             start = next(bits(self._through[lowest]))
-        self._check(simplex, shared & ~self._simplices[first], planes)
+        if outside := shared & ~self._simplices[first]:
+            self._check(simplex, outside, planes)
         self._join(index, pieces, planes)
         return planes
 
-    def _best_overlap(self, simplex: int, shared: int) -> int:
-        """Return a processed simplex that covers much of the shared points."""
-        count = len(self._simplices)
-        recent = range(max(0, count - _RECENT), count)
-        best = max(recent, key=lambda i: (self._simplices[i] & simplex).bit_count())
-        if self._simplices[best] & simplex:
-            return best
-        return next(bits(self._through[(shared & -shared).bit_length() - 1]))
+    def _best_overlap(self, shared: int) -> int:
+        """Return a simplex that covers much of the shared points, the latest of several."""
+        best, most, total = 0, 0, shared.bit_count()
+        last = len(self._simplices) - 1
+        for index in range(last, max(-1, last - _RECENT), -1):
+            overlap = (self._simplices[index] & shared).bit_count()
+            if overlap > most:
+                best, most = index, overlap
+                if most == total:
+                    break
+        return best if most else next(bits(self._through[(shared & -shared).bit_length() - 1]))
 
     def _grow_piece(self, simplex: int, start: int, uncovered: int, planes: Planes) -> int:
         """Grow the piece of L that holds a simplex's overlap, and carry the labels over it."""
@@ -197,7 +201,8 @@ class MayerVietoris:
                     if not meeting:
                         continue
                     fresh = self._simplices[neighbor] & simplex & ~piece
-                    self._carry(planes, self._planes[neighbor], meeting & -meeting, fresh)
+                    if planes or self._planes[neighbor]:
+                        self._carry(planes, self._planes[neighbor], meeting & -meeting, fresh)
                     piece |= fresh
                     uncovered &= ~fresh
                     growing = True
@@ -223,9 +228,8 @@ class MayerVietoris:
         for neighbor in bits(candidates):
             meeting = self._simplices[neighbor] & simplex
             others = self._planes[neighbor]
-            if not others and all(plane & meeting in (0, meeting) for plane in planes.values()):
-                continue
-            while relation := _difference(planes, others, meeting):
+            while not _agree(planes, others, meeting):
+                relation = _difference(planes, others, meeting)
                 self._kill(max(relation), relation, planes)
 
     def _kill(self, youngest: int, relation: set[int], current: Planes) -> None:
@@ -273,6 +277,19 @@ def _is_most(plane: int, shared: int) -> bool:
     return 2 * plane.bit_count() > shared.bit_count()
 
 
+def _agree(one: Planes, other: Planes, meeting: int) -> bool:
+    """Tell whether the planes of two simplices differ by constants where they meet."""
+    for generator, plane in one.items():
+        apart = (plane ^ other.get(generator, 0)) & meeting
+        if apart and apart != meeting:
+            return False
+    for generator, plane in other.items():
+        apart = plane & meeting
+        if apart and apart != meeting and generator not in one:
+            return False
+    return True
+
+
 def _difference(one: Planes, other: Planes, meeting: int) -> set[int]:
     """Return the generators whose planes differ by more than a constant between two points."""
     origin = meeting & -meeting
@@ -283,8 +300,6 @@ def _difference(one: Planes, other: Planes, meeting: int) -> set[int]:
             apart ^= meeting
         if apart:
             varying[generator] = apart
-    if not varying:
-        return set()
     witness = next(iter(varying.values()))
     witness &= -witness
     return {generator for generator, apart in varying.items() if apart & witness}

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from heapq import heapify, heappop, heappush
+from itertools import islice
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -112,11 +113,7 @@ def hop_order(
     ends : ndarray, shape (len(radii),), int64
         How many of them lie within each radius.
     """
-    found: list[Numbers] = []
-    for hops, ring in enumerate(rings(version, seeds, without)):
-        if hops > radii[-1]:
-            break
-        found.append(ring)
+    found = list(islice(rings(version, seeds, without), radii[-1] + 1))
     sizes = np.cumsum([0, *map(len, found)])
     ends = sizes[np.minimum(np.asarray(radii) + 1, len(found))]
     return np.concatenate([np.empty(0, np.int32), *found]), ends

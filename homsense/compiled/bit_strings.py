@@ -89,7 +89,7 @@ def both_ways(ends: Ints, points: Ints, n_points: int) -> tuple[BitStrings, BitS
     rows : BitStrings
         One string for each list.
     through : BitStrings
-        One string for each point.
+        One string for each point. Where all strings are narrow, nobody counts its bits.
     """
     n_rows = len(ends) - 1
     of_row, of_point = np.empty((4, n_rows), np.int64), np.empty((4, n_points), np.int64)
@@ -104,7 +104,10 @@ def both_ways(ends: Ints, points: Ints, n_points: int) -> tuple[BitStrings, BitS
 
 @apart
 def _lay_out(ends: Ints, points: Ints, of_row: Ints, of_point: Ints) -> tuple[int, int]:
-    """Write place, range and size of every string; return how many words there are both ways."""
+    """Write place, range and size of every string; return how many words there are both ways.
+
+    All narrow strings have the same range.
+    """
     n_rows, n_points = of_row.shape[1], of_point.shape[1]
     wide_rows, wide_points = n_points >> 6 >= _NARROW, n_rows >> 6 >= _NARROW
     of_row[1], of_row[2] = 0, (n_points >> 6) + 1
@@ -112,17 +115,18 @@ def _lay_out(ends: Ints, points: Ints, of_row: Ints, of_point: Ints) -> tuple[in
     of_point[3] = 0
     row_words = point_words = 0
     for row in range(n_rows):
-        least, most = n_points, NONE
-        for entry in range(ends[row], ends[row + 1]):
-            point = np.uint32(points[entry])
-            least, most = min(least, int(point)), max(most, int(point))
-            if wide_points:
-                if not of_point[3, point]:
-                    of_point[1, point] = row >> 6
-                of_point[2, point] = (row >> 6) + 1
-            of_point[3, point] += 1
-        if wide_rows:
-            of_row[1, row], of_row[2, row] = least >> 6, (most >> 6) + 1
+        if wide_rows or wide_points:
+            least, most = n_points, NONE
+            for entry in range(ends[row], ends[row + 1]):
+                point = np.uint32(points[entry])
+                least, most = min(least, int(point)), max(most, int(point))
+                if wide_points:
+                    if not of_point[3, point]:
+                        of_point[1, point] = row >> 6
+                    of_point[2, point] = (row >> 6) + 1
+                of_point[3, point] += 1
+            if wide_rows:
+                of_row[1, row], of_row[2, row] = least >> 6, (most >> 6) + 1
         of_row[0, row] = row_words - of_row[1, row]
         of_row[3, row] = ends[row + 1] - ends[row]
         row_words += max(0, of_row[2, row] - of_row[1, row])

@@ -1,5 +1,7 @@
 """The overlap of a row with the rows before it, covered by connected pieces."""
 
+import numpy as np
+
 from homsense.compiled.bit_strings import (
     NONE,
     ZERO,
@@ -28,25 +30,62 @@ from homsense.compiled.labels import FULL, Labels, plane_of, plane_word
 
 
 @inlined
-def cover(glue: Glue, labels: Labels, rows: BitStrings, through: BitStrings, last: Ints) -> None:
+def lies_in_one(glue: Glue, rows: BitStrings, last: Ints, n_last: int) -> bool:
+    """Find the row added lately that covers most of the overlap; tell whether it covers all.
+
+    Parameters
+    ----------
+    glue : Glue
+        Holds the overlap; gets the row, or `NONE`.
+    rows : BitStrings
+        All rows.
+    last : ndarray, int64
+        Rows added last, in turn.
+    n_last : int
+        How many have been added.
+
+    Returns
+    -------
+    bool
+        True when the overlap is a face of that row.
+    """
+    best = total = 0
+    glue.counts[FIRST] = NONE
+    for place in range(glue.counts[N_ACTIVE]):
+        total += count_bits(glue.shared[place])
+    for back in range(1, min(n_last, len(last)) + 1):
+        other = last[np.uint64(n_last - back) % np.uint64(len(last))]
+        overlap, at = 0, rows.at[other]
+        for place in range(glue.counts[N_ACTIVE]):
+            word = glue.active[place]
+            if rows.low[other] <= word < rows.high[other]:
+                overlap += count_bits(glue.shared[place] & word_of(rows, at, word))
+        if overlap > best:
+            best = overlap
+            glue.counts[FIRST] = other
+            if best == total:
+                return True
+    return False
+
+
+@inlined
+def cover(glue: Glue, labels: Labels, rows: BitStrings, through: BitStrings) -> None:
     """Cover the overlap by connected pieces, and carry the labels over each of them.
 
     Parameters
     ----------
     glue : Glue
-        Holds the overlap; gets planes and pieces.
+        Holds the overlap and a row to begin with, if any; gets planes and pieces.
     labels : Labels
         Of the rows before.
     rows, through : BitStrings
         The relation both ways.
-    last : ndarray, int64
-        Rows added last.
     """
     n_active = glue.counts[N_ACTIVE]
     for place in range(n_active):
         glue.uncovered[place] = glue.shared[place]
     glue.counts[N_SLOTS] = glue.counts[N_PIECES] = 0
-    glue.counts[FIRST] = begin = _best_overlap(glue, rows, last)
+    begin = glue.counts[FIRST]
     while True:
         if begin == NONE:
             place = 0
@@ -73,23 +112,6 @@ def cover(glue: Glue, labels: Labels, rows: BitStrings, through: BitStrings, las
             some |= glue.uncovered[place]
         if not some or labels.counts[FULL]:
             return
-
-
-@inlined
-def _best_overlap(glue: Glue, rows: BitStrings, last: Ints) -> int:
-    best, first, total = 0, NONE, 0
-    for place in range(glue.counts[N_ACTIVE]):
-        total += count_bits(glue.shared[place])
-    for other in last:
-        if other != NONE and best < total:
-            overlap, at = 0, rows.at[other]
-            for place in range(glue.counts[N_ACTIVE]):
-                word = glue.active[place]
-                if rows.low[other] <= word < rows.high[other]:
-                    overlap += count_bits(glue.shared[place] & word_of(rows, at, word))
-            if overlap > best:
-                best, first = overlap, other
-    return first
 
 
 @inlined

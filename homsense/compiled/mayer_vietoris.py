@@ -6,9 +6,9 @@ ones.
 
 import numpy as np
 
-from homsense.compiled.bit_strings import NONE, ONE, BitStrings, Ints, both_ways
+from homsense.compiled.bit_strings import NONE, ONE, ZERO, BitStrings, Ints, both_ways
 from homsense.compiled.collapse import collapse
-from homsense.compiled.cover import cover
+from homsense.compiled.cover import cover, lies_in_one
 from homsense.compiled.glue import N_ACTIVE, N_PIECES, N_SLOTS, Glue, no_glue
 from homsense.compiled.jit import allocating, apart, inlined
 from homsense.compiled.labels import FULL, N_GENERATORS, Labels, no_labels
@@ -96,18 +96,21 @@ def _add_rows(
             return
         if not rows.size[row]:
             continue
-        n_active = 0
+        n_active, fresh = 0, ZERO
         for word in range(rows.low[row], rows.high[row]):
             here = rows.words[rows.at[row] + word]
             if here & seen[word]:
                 glue.active[n_active] = word
                 glue.shared[n_active] = here & seen[word]
                 n_active += 1
+            fresh |= here & ~seen[word]
             seen[word] |= here
         glue.counts[N_ACTIVE] = n_active
+        if n_active and lies_in_one(glue, rows, last, added) and not fresh:
+            continue
         n_components += 1
         if n_active:
-            cover(glue, labels, rows, through, last)
+            cover(glue, labels, rows, through)
             check(glue, labels, rows, through, row)
             for piece in range(glue.counts[N_PIECES]):
                 root = _root(parent, glue.roots[piece])
