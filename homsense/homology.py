@@ -149,8 +149,10 @@ class MayerVietoris:
         self._planes.append(kept)
         self._seen |= simplex
         self._through.extend([0] * (simplex.bit_length() - len(self._through)))
-        for point in bits(simplex):
-            self._through[point] |= own
+        while simplex:
+            low = simplex & -simplex
+            self._through[low.bit_length() - 1] |= own
+            simplex ^= low
 
     def _glue(self, index: int, simplex: int, shared: int) -> Planes:
         """Return the planes of a new simplex; kill the classes that are not trivial on L."""
@@ -196,7 +198,7 @@ class MayerVietoris:
             for point in bits(uncovered):
                 if not uncovered >> point & 1:
                     continue
-                for neighbor in bits(self._through[point]):
+                for neighbor in _latest_first(self._through[point]):
                     meeting = self._simplices[neighbor] & piece
                     if not meeting:
                         continue
@@ -220,9 +222,7 @@ class MayerVietoris:
 
     def _check(self, simplex: int, outside: int, planes: Planes) -> None:
         """Compare with every simplex that meets the new one outside its first overlap."""
-        candidates = 0
-        for point in bits(outside):
-            candidates |= self._through[point]
+        candidates = _union(self._through, outside)
         if not any(planes.values()):
             candidates &= self._labelled
         for neighbor in bits(candidates):
@@ -270,6 +270,24 @@ class MayerVietoris:
             self._parent[index] = self._parent[self._parent[index]]
             index = self._parent[index]
         return index
+
+
+def _latest_first(mask: int) -> Iterator[int]:
+    """Yield the positions of the set bits, highest first: late simplices are near."""
+    while mask:
+        position = mask.bit_length() - 1
+        yield position
+        mask ^= 1 << position
+
+
+def _union(masks: list[int], members: int) -> int:
+    """Return the union of those masks whose positions are set."""
+    found = 0
+    while members:
+        low = members & -members
+        found |= masks[low.bit_length() - 1]
+        members ^= low
+    return found
 
 
 def _is_most(plane: int, shared: int) -> bool:
