@@ -18,6 +18,7 @@ from homsense_service.settings import Settings
 from rich.console import Console
 from support.builders import SITE_MAP
 
+pytestmark = pytest.mark.xdist_group("town")  # one worker sets it up
 SITE = "/v1/sites/town"
 WORLD: World = city_world("downtown-44", 3, radio=Radio(s_max_m=72.0))
 

@@ -25,6 +25,7 @@ from support.corridors import Building
 from homsense import Reading, WalkScan
 from homsense.registered import placing
 
+pytestmark = pytest.mark.xdist_group("floor")  # one worker sets it up
 SITE = "/v1/sites/floor"
 BUILDING = Building.of(0)
 
@@ -57,6 +58,15 @@ def ready(api: TestClient, what: str = "registration") -> dict[str, Any]:
     for _ in range(600):
         told: dict[str, Any] = api.get(f"{SITE}/{what}").json()
         if told["state"] in {"ready", "failed"}:
+            return told
+        time.sleep(0.1)
+    raise AssertionError(told)
+
+
+def knowing_the_crowd(api: TestClient) -> dict[str, Any]:
+    for _ in range(1800):
+        told: dict[str, Any] = api.post(f"{SITE}/expectation").json()
+        if told["state"] == "ready" and told["learnt"]["knows_crowd"]:
             return told
         time.sleep(0.1)
     raise AssertionError(told)
@@ -134,13 +144,8 @@ def test_the_crowd_finds_its_place(floor: TestClient) -> None:
 
 def test_the_site_learns_what_it_counts_from_where_the_crowd_walks(floor: TestClient) -> None:
     recognized = ready(floor)["placed"]["information_bits"]
-    for _ in range(1800):
-        told = floor.post(f"{SITE}/expectation").json()
-        if told["state"] == "ready" and told["learnt"]["knows_crowd"]:
-            break
-        time.sleep(0.1)
+    told = knowing_the_crowd(floor)
     learnt = told["learnt"]
-    assert learnt["knows_crowd"] is True
     assert floor.post(f"{SITE}/expectation").json() == told
     auto = floor.post(f"{SITE}/sessions", json={"particles": 100}).json()
     helps = learnt["information_bits"][len(learnt["hops"]) - 1] >= HELPFUL * recognized
@@ -149,6 +154,16 @@ def test_the_site_learns_what_it_counts_from_where_the_crowd_walks(floor: TestCl
     topics = [one["topic"] for one in floor.get(f"{SITE}/diagnosis").json()["findings"]]
     assert "information" in topics
     assert "likeness" not in topics
+
+
+def test_the_same_map_put_again_leaves_the_crowd_where_it_is(floor: TestClient) -> None:
+    ready(floor)
+    before = knowing_the_crowd(floor)
+    floor.put(f"{SITE}/map", json=map_document())
+    assert floor.post(f"{SITE}/expectation").json() == before
+    floor.put(SITE, json={"wall_tolerance_m": 1.0, "max_age_s": 50.0})
+    assert floor.post(f"{SITE}/expectation").json()["state"] == "building"
+    knowing_the_crowd(floor)
 
 
 def test_a_session_finds_itself_among_the_crowd(floor: TestClient) -> None:
