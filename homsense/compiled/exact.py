@@ -3,9 +3,12 @@
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from homsense import exact, philox
-from homsense.compiled.jit import inlined
+from homsense.compiled.jit import allocating, apart, inlined
+
+Array = NDArray[Any]
 
 HALF, ONE, QUARTER = exact.HALF, exact.ONE, exact.QUARTER
 _MINUS_TWO, _UNIT = exact.MINUS_TWO, exact.UNIT
@@ -36,6 +39,39 @@ def random_words(index: Any, tick: Any, purpose: Any, seed: Any) -> Any:
         )
         k0, k1 = np.uint32(k0 + _W0), np.uint32(k1 + _W1)
     return c0, c1, c2, c3
+
+
+@allocating
+def words(seed: Any, tick: Any, purpose: Any, count: int) -> Array:
+    """Return four random words for each of the numbers from 0.
+
+    Parameters
+    ----------
+    seed, tick : uint64
+        Key.
+    purpose : int
+        Number of the stream.
+    count : int
+        How many.
+
+    Returns
+    -------
+    ndarray, shape (4, count), uint32
+        Random bits.
+    """
+    drawn = np.empty((4, count), np.uint32)
+    _fill(seed, tick, purpose, drawn[0], drawn[1], drawn[2], drawn[3])
+    return drawn
+
+
+@apart
+def _fill(
+    seed: Any, tick: Any, purpose: Any, first: Array, second: Array, third: Array, fourth: Array
+) -> None:
+    for index in range(len(first)):
+        first[index], second[index], third[index], fourth[index] = random_words(
+            index, tick, purpose, seed
+        )
 
 
 @inlined

@@ -6,7 +6,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from homsense.compiled import exact, histograms, peaks, resetting, stages
+from homsense.compiled import (
+    exact,
+    histograms,
+    peaks,
+    propagation,
+    rasters,
+    resetting,
+    stages,
+)
 from homsense.compiled.jit import fingerprint, kept
 from homsense.free_space import Walls
 from homsense.grid import Raster
@@ -269,11 +277,11 @@ def _outermost(fingerprint: str) -> tuple[Callable[..., Any], ...]:
 
     def words(seed, tick, purpose, count):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
         fingerprint  # noqa: B018
-        return stages.words(seed, tick, purpose, count)
+        return exact.words(seed, tick, purpose, count)
 
     def propagate(particles, mean, root, walls, seed, tick):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
         fingerprint  # noqa: B018
-        return stages.propagate(particles, mean, root, walls, seed, tick)
+        return propagation.propagate(particles, mean, root, walls, seed, tick)
 
     def reweigh(particles, raster, codes, table):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
         fingerprint  # noqa: B018
@@ -338,4 +346,4 @@ def _outermost(fingerprint: str) -> tuple[Callable[..., Any], ...]:
     _hills,
     _label,
     _moments,
-) = _outermost(fingerprint(exact, histograms, peaks, resetting, stages))
+) = _outermost(fingerprint(exact, histograms, peaks, propagation, rasters, resetting, stages))
