@@ -162,12 +162,12 @@ def heaviest_first(smooth: IntArray) -> IntArray:
     >>> heaviest_first(np.array([2, 0, 5, 2])).tolist()
     [2, 0, 3]
     """
-    heavy = np.flatnonzero(smooth)
+    heavy = np.flatnonzero(smooth > 0)
     index_bits = smooth.size.bit_length()
     if int(smooth.max(initial=0)).bit_length() + index_bits >= _KEY_BITS:
         return heavy[np.argsort(-smooth[heavy], kind="stable")]
-    keys = (-smooth[heavy] << index_bits) | heavy  # plain numbers are sorted many times faster
-    keys.sort()
+    keys = (-smooth[heavy] << index_bits) | heavy
+    keys.sort()  # plain numbers are sorted many times faster than by their values
     return keys & ((1 << index_bits) - 1)
 
 

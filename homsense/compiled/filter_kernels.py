@@ -18,7 +18,7 @@ from homsense.compiled import (
 from homsense.compiled.jit import fingerprint, kept
 from homsense.free_space import Walls
 from homsense.grid import Raster
-from homsense.histogram import Histogram
+from homsense.histogram import Histogram, heaviest_first
 from homsense.modes import Moments
 from homsense.particles import Particles
 from homsense.resetting import CellMasses, CodedCells, evidence_bits
@@ -201,7 +201,8 @@ def histogram(particles: Particles, weights: Weights, cell_m: float) -> Histogra
     Histogram
         As `homsense.histogram.histogram` gives it.
     """
-    return Histogram(cell_m, *_histogram(particles, weights, np.float32(1.0 / cell_m)))
+    column, row, cells, smooth = _histogram(particles, weights, np.float32(1.0 / cell_m))
+    return Histogram(cell_m, column, row, cells, smooth, heaviest_first(smooth.ravel()))
 
 
 def hills(smooth: IntArray, order: IntArray) -> IntArray:

@@ -12,14 +12,11 @@ from homsense.particles import Particles
 Array = NDArray[Any]
 
 _MARGIN = reference.MARGIN
-_DIGIT_BITS, _DIGITS = 8, 256
 
 
 @allocating
-def histogram(
-    particles: Particles, weights: Array, per_m: Any
-) -> tuple[int, int, Array, Array, Array]:
-    """Return the first column and row, the cell of each particle, the smoothed mass, its order.
+def histogram(particles: Particles, weights: Array, per_m: Any) -> tuple[int, int, Array, Array]:
+    """Return the first column and row, the cell of each particle, and the smoothed mass.
 
     Parameters
     ----------
@@ -38,8 +35,6 @@ def histogram(
         Flat indices.
     smooth : ndarray, shape (rows, columns), int64
         Smoothed mass.
-    order : ndarray, int64
-        Flat indices of the cells with mass, heaviest first.
     """
     west, east, south, north = _extent(particles, per_m)
     columns, rows = east - west + 2 * _MARGIN + 1, north - south + 2 * _MARGIN + 1
@@ -49,70 +44,7 @@ def histogram(
     _fill(particles, weights, per_m, west, south, columns, cells, mass)
     _smooth(mass, 1, smooth)
     _smooth(smooth, columns, mass)
-    return west, south, cells, mass.reshape(rows, columns), heaviest_first(mass)
-
-
-@allocating
-def heaviest_first(smooth: Array) -> Array:
-    """Return the cells with mass in falling order.
-
-    Parameters
-    ----------
-    smooth : ndarray, int64
-        Mass of each cell, not negative.
-
-    Returns
-    -------
-    ndarray, int64
-        Indices; of equals the first comes first.
-    """
-    size = len(smooth)
-    keys, order = np.empty(size, np.int64), np.empty(size, np.int64)
-    next_keys, next_order = np.empty(size, np.int64), np.empty(size, np.int64)
-    starts = np.empty(_DIGITS, np.int64)
-    count, most = _with_mass(smooth, keys, order)
-    for shift in range(0, 64, _DIGIT_BITS):
-        if most >> np.uint64(shift) == 0:
-            break
-        _by_digit(count, np.uint64(shift), keys, order, next_keys, next_order, starts)
-        keys, order, next_keys, next_order = next_keys, next_order, keys, order
-    return order[:count].copy()
-
-
-@apart
-def _with_mass(smooth: Array, keys: Array, order: Array) -> Any:
-    count, most = 0, np.uint64(0)
-    for cell in range(len(smooth)):
-        keys[count], order[count] = smooth[cell], cell
-        count += smooth[cell] > 0
-        most = max(most, np.uint64(smooth[cell]))
-    return count, most
-
-
-@apart
-def _by_digit(
-    count: int,
-    shift: Any,
-    keys: Array,
-    order: Array,
-    next_keys: Array,
-    next_order: Array,
-    starts: Array,
-) -> None:
-    """Sort by one digit, the largest first; equals stay in their order."""
-    last = np.uint64(_DIGITS - 1)
-    for digit in range(_DIGITS):
-        starts[digit] = 0
-    for place in range(count):
-        starts[last - (np.uint64(keys[place]) >> shift & last)] += 1
-    start = 0
-    for digit in range(_DIGITS):
-        start, starts[digit] = start + starts[digit], start
-    for place in range(count):
-        digit = last - (np.uint64(keys[place]) >> shift & last)
-        target = np.uint64(starts[digit])
-        next_keys[target], next_order[target] = keys[place], order[place]
-        starts[digit] += 1
+    return west, south, cells, mass.reshape(rows, columns)
 
 
 @apart

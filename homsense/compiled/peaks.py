@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from homsense import modes
 from homsense.compiled.exact import cosine, sine
-from homsense.compiled.histograms import heaviest_first
 from homsense.compiled.jit import allocating, apart, inlined
 from homsense.particles import Particles
 
@@ -194,11 +193,28 @@ def label(
     by_cell, of_mode = np.full(size, nowhere), np.empty(len(cells), np.int64)
     mass = np.zeros(nowhere + 1, np.int64)
     _gather(cells, order, weights, of_cell, by_cell, of_mode, mass)
-    heaviest = heaviest_first(mass[:-1])[:_MOST]
+    heaviest = np.empty(_MOST + 1, np.int64)
+    heaviest = heaviest[: _find_heaviest(mass[:-1], heaviest)]
     number = np.full(nowhere + 1, len(heaviest))
     number[heaviest] = np.arange(len(heaviest))
     _translate(number, of_mode)
     return of_mode, len(heaviest)
+
+
+@apart
+def _find_heaviest(mass: Array, found: Array) -> int:
+    """Write the heaviest of those with mass, and one place behind them; return how many."""
+    count = 0
+    for peak in range(len(mass)):
+        if not mass[peak] or (count == len(found) - 1 and mass[peak] <= mass[found[count - 1]]):
+            continue
+        place = count
+        while place and mass[found[place - 1]] < mass[peak]:
+            found[place] = found[place - 1]
+            place -= 1
+        found[place] = peak
+        count = min(count + 1, len(found) - 1)
+    return count
 
 
 @apart
