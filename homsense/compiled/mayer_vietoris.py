@@ -85,7 +85,10 @@ def _add_rows(
     stages: Ints,
     components: Ints,
 ) -> None:
-    """Add row by row until the last stage is reached or a table is full."""
+    """Add row by row until the last stage is reached or a table is full.
+
+    A row that is a face of one of the last adds nothing.
+    """
     total = len(rows.low)
     added = n_components = stage = 0
     for row in range(total + 1):
