@@ -111,6 +111,13 @@ def test_every_route_is_documented() -> None:
             assert f"`{verb.upper()} {path}`" in text
 
 
+def test_what_can_be_wrong_with_a_body_is_documented_wherever_there_is_one() -> None:
+    for path, verbs in create_app(Settings()).openapi()["paths"].items():
+        for verb, operation in verbs.items():
+            if "requestBody" in operation:
+                assert {"400", "413", "422"} <= {*operation["responses"]}, (verb, path)
+
+
 def test_the_streaming_contract_is_the_one_of_the_code() -> None:
     text = _text("openapi", "keyexpr.md")
     keys = KeySpace("homsense")

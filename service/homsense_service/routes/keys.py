@@ -24,7 +24,7 @@ def list_keys(operations: OperationsDep, caller: CallerDep) -> schemas.KeyList:
     return schemas.KeyList(keys=[schemas.KeyOut.of(found) for found in operations.known_keys()])
 
 
-@router.post("", status_code=201, summary="Make a key", responses=problems(400, 409, 422))
+@router.post("", status_code=201, summary="Make a key", responses=problems(400, 409, 413, 422))
 def make_key(
     wanted: schemas.KeyIn, operations: OperationsDep, caller: CallerDep, ring: KeysDep
 ) -> schemas.NewKeyOut:

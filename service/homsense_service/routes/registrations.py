@@ -61,7 +61,7 @@ def get_floors(site: SiteParam, operations: OperationsDep) -> schemas.FloorsOut:
     status_code=202,
     dependencies=[needs("localize")],
     summary="Place the crowd on several maps",
-    responses=problems(404, 409, 422),
+    responses=problems(400, 404, 409, 413, 422),
 )
 def post_floors(
     site: SiteParam, wanted: schemas.FloorsIn, caller: CallerDep, operations: OperationsDep

@@ -26,7 +26,7 @@ router = APIRouter(prefix="/v1", tags=["sessions"])
     status_code=201,
     dependencies=[needs("localize")],
     summary="Open a session",
-    responses=problems(400, 404, 409, 422, 503),
+    responses=problems(400, 404, 409, 413, 422, 503),
 )
 def open_session(
     site: SiteParam,
