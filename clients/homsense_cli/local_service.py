@@ -1,18 +1,20 @@
 """A service of our own for the length of a command."""
 
 import os
+import secrets
 import socket
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import httpx
 
 START_S = 30.0
+_PORTS = range(20_000, 32_000)
 
 
 @contextmanager
@@ -80,10 +82,12 @@ def start(data: Path, **settings: object) -> Iterator[str]:
 
 
 def free_port() -> int:
-    """Return a port that nobody listens on."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
+    """Return a port that nobody listens on and that outgoing connections are not given."""
+    while True:
+        port = secrets.choice(_PORTS)
+        with socket.socket() as probe, suppress(OSError):
+            probe.bind(("127.0.0.1", port))
+            return port
 
 
 def _await_health(url: str, process: "subprocess.Popen[bytes]") -> None:
