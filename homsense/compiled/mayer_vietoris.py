@@ -6,7 +6,7 @@ ones.
 
 import numpy as np
 
-from homsense.compiled.bit_strings import NONE, ONE, ZERO, BitStrings, Ints, both_ways
+from homsense.compiled.bit_strings import ONE, ZERO, BitStrings, Ints, both_ways
 from homsense.compiled.collapse import collapse
 from homsense.compiled.cover import cover, lies_in_one
 from homsense.compiled.glue import N_ACTIVE, N_PIECES, N_SLOTS, Glue, no_glue
@@ -53,7 +53,7 @@ def history(
         glue = no_glue(len(ends) - 1, widest, room)
         seen = np.zeros((n_points >> 6) + 1, np.uint64)
         parent = np.arange(len(ends) - 1)
-        last = np.full(_RECENT, NONE, np.int64)
+        last = np.empty(_RECENT, np.int64)
         _add_rows(rows, through, labels, glue, seen, parent, last, stages, components)
         if not labels.counts[FULL]:
             return components, _bars(labels, stages)

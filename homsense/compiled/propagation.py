@@ -56,8 +56,9 @@ def propagate(
     _clear(particles.x_m, particles.y_m, walls, cells, before)
     _clear(x, y, walls, cells, after)
     _vouch(particles, before, after, x, y, log_weight, doubtful)
-    found = _collect(doubtful, cells)
-    _march(particles, walls, before, after, cells[:found], x, y, log_weight)
+    numbers = np.empty(count, np.uint32)
+    found = _collect(doubtful, numbers)
+    _march(particles, walls, before, after, numbers[:found], x, y, log_weight)
     _lift(log_weight)
     return x, y, turns, log_weight
 
@@ -139,12 +140,13 @@ def _march(
     walls: Walls,
     before: Array,
     after: Array,
-    doubtful: Array,
+    numbers: Array,
     x: Array,
     y: Array,
     log_weight: Array,
 ) -> None:
-    for index in doubtful:
+    """Walk the ways of some particles, given by their numbers, and stop who meets a wall."""
+    for index in numbers:
         from_x, from_y = particles.x_m[index], particles.y_m[index]
         right, up = x[index] - from_x, y[index] - from_y
         length = np.sqrt(right * right + up * up)
