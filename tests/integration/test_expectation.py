@@ -1,6 +1,5 @@
 """Over REST: a site learns from its scans what its sensor counts, and sessions measure with it."""
 
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,7 @@ from homsense_service.app import create_app
 from homsense_service.settings import Settings
 from rich.console import Console
 from support.builders import SITE_MAP
+from support.networks import until
 
 pytestmark = pytest.mark.xdist_group("town")  # one worker sets it up
 SITE = "/v1/sites/town"
@@ -33,13 +33,13 @@ def _scans(phones: range, count: int = 60) -> list[dict[str, Any]]:
 
 
 def _ready(api: TestClient, scans: int = 0) -> dict[str, Any]:
-    for _ in range(1800):
-        told: dict[str, Any] = api.get(f"{SITE}/expectation").json()
-        if told["state"] == "ready" and told["learnt"]["scans"] >= scans:
-            return told
-        assert told["state"] != "failed", told["reason"]
-        time.sleep(0.1)
-    raise AssertionError(told)
+    def told() -> dict[str, Any] | None:
+        found: dict[str, Any] = api.get(f"{SITE}/expectation").json()
+        assert found["state"] != "failed", found["reason"]
+        return found if found["state"] == "ready" and found["learnt"]["scans"] >= scans else None
+
+    found: dict[str, Any] = until(told, 180.0, every_s=0.1)
+    return found
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,6 @@
 
 import json
 import math
-import time
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
@@ -21,6 +20,7 @@ from homsense_service.settings import Settings
 from shapely.affinity import scale
 from shapely.geometry import mapping, shape
 from support.corridors import Building
+from support.networks import until
 
 from homsense import Reading, WalkScan
 from homsense.registered import placing
@@ -55,21 +55,21 @@ def posted(scan: WalkScan) -> dict[str, Any]:
 
 
 def ready(api: TestClient, what: str = "registration") -> dict[str, Any]:
-    for _ in range(600):
-        told: dict[str, Any] = api.get(f"{SITE}/{what}").json()
-        if told["state"] in {"ready", "failed"}:
-            return told
-        time.sleep(0.1)
-    raise AssertionError(told)
+    def told() -> dict[str, Any] | None:
+        found: dict[str, Any] = api.get(f"{SITE}/{what}").json()
+        return found if found["state"] in {"ready", "failed"} else None
+
+    found: dict[str, Any] = until(told, 60.0, every_s=0.1)
+    return found
 
 
 def knowing_the_crowd(api: TestClient) -> dict[str, Any]:
-    for _ in range(1800):
-        told: dict[str, Any] = api.post(f"{SITE}/expectation").json()
-        if told["state"] == "ready" and told["learnt"]["knows_crowd"]:
-            return told
-        time.sleep(0.1)
-    raise AssertionError(told)
+    def told() -> dict[str, Any] | None:
+        found: dict[str, Any] = api.post(f"{SITE}/expectation").json()
+        return found if found["state"] == "ready" and found["learnt"]["knows_crowd"] else None
+
+    found: dict[str, Any] = until(told, 180.0, every_s=0.1)
+    return found
 
 
 @pytest.fixture(scope="module")

@@ -49,12 +49,12 @@ def fill(api: Any, site: str = "yard") -> None:
     api.post(f"/v1/sites/{site}/scans", json={"scans": scans}).raise_for_status()
 
 
-def until(holds: Callable[[], Any], timeout_s: float = 10.0) -> Any:
+def until(holds: Callable[[], Any], timeout_s: float = 10.0, every_s: float = 0.01) -> Any:
     """Wait until something holds and return it; fail when it never does."""
     ends_s = time.monotonic() + timeout_s
     while time.monotonic() < ends_s:
         found = holds()
         if found:
             return found
-        time.sleep(0.01)
+        time.sleep(every_s)
     pytest.fail(f"still not so after {timeout_s} s")

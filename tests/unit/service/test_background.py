@@ -95,19 +95,17 @@ def test_what_cannot_be_learnt_is_tried_again_from_more_scans_only(
     assert learning.learnt(Asked(126), 10.0).scans == 126
 
 
-def test_what_failed_under_other_conditions_is_tried_again(
-    learning: Background[Asked, Told], learner: Learner
+@pytest.mark.parametrize(
+    ("error", "again"),
+    [
+        (HomsenseError("no place"), Asked(100, "another cut")),
+        (RuntimeError("the disk is away"), Asked(100)),
+    ],
+)
+def test_what_may_go_well_now_is_tried_again(
+    learning: Background[Asked, Told], learner: Learner, error: Exception, again: Asked
 ) -> None:
-    learner.error = HomsenseError("no place")
+    learner.error = error
     _settled(learning, Asked(100))
     learner.error = None
-    assert learning.learnt(Asked(100, "another cut"), 10.0).scans == 100
-
-
-def test_an_accident_is_no_reason_not_to_try_again(
-    learning: Background[Asked, Told], learner: Learner
-) -> None:
-    learner.error = RuntimeError("the disk is away")
-    _settled(learning, Asked(100))
-    learner.error = None
-    assert learning.learnt(Asked(100), 10.0).scans == 100
+    assert learning.learnt(again, 10.0).scans == 100
