@@ -13,7 +13,7 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from accuracy import OUT
-from homsense_cli.accuracy.scene import walk_scan
+from homsense_cli.accuracy.crowd import walk_scan
 from homsense_cli.accuracy.walks import CELL_M
 from homsense_cli.figures import STYLE
 from homsense_cli.recorded import WALL_TOLERANCE_M, Floor, crowd_scans, floor_names, read_floor

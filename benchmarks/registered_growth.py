@@ -9,7 +9,8 @@ import sys
 import time
 from itertools import pairwise
 
-from homsense_cli.accuracy.scene import WEAKEST_DBM, walk_scan
+from homsense_cli.accuracy.crowd import walk_scan
+from homsense_cli.accuracy.scene import WEAKEST_DBM
 from homsense_fleet.driver import Crowd
 from homsense_fleet.world import downtown_44
 

@@ -9,6 +9,12 @@ from homsense.calibration import calibrate_r_geo
 from homsense.code_map import CodeMap
 from homsense.composition import composed
 from homsense.configuration import LocalizerConfig
+from homsense.detection import (
+    Detection,
+    DetectionPoint,
+    choose_detection,
+    detection_curve,
+)
 from homsense.diagnosis import Diagnosis, Finding, diagnose
 from homsense.epochs import EpochFiltration
 from homsense.errors import (
@@ -71,6 +77,8 @@ __all__ = [
     "CountNoise",
     "Counted",
     "Delta",
+    "Detection",
+    "DetectionPoint",
     "Diagnosis",
     "Displaced",
     "Doubt",
@@ -133,7 +141,9 @@ __all__ = [
     "WitnessPoint",
     "calibrate_r_geo",
     "choose_cut",
+    "choose_detection",
     "composed",
+    "detection_curve",
     "diagnose",
     "displaced",
     "estimate_radio",

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from homsense.detection import LAST_SCAN, Detection, DetectionPoint, choose_detection
 from homsense.expectation import Expectation
 from homsense.radio import RadioModel
 from homsense.range_check import RangePoint, choose_cut
@@ -35,7 +36,7 @@ class Finding:
         The figure, and what it means.
     advice : str
         What to do; empty when all is well.
-    setting : tuple of (str, float), optional
+    setting : tuple of (str, float or Detection), optional
         Member of the site's configuration, and the value to give it.
     """
 
@@ -43,7 +44,7 @@ class Finding:
     verdict: Verdict
     text: str
     advice: str = ""
-    setting: tuple[str, float] | None = None
+    setting: tuple[str, float | Detection] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +77,8 @@ def diagnose(  # noqa: PLR0913 - all that is known of a site
     median_witnesses: float | None = None,
     quorum: int = 1,
     stale_share: float = 0.0,
+    foretold: Sequence[DetectionPoint] = (),
+    detection: Detection = LAST_SCAN,
     gains: Sequence[float] = (),
 ) -> Diagnosis:
     """Judge a site by what it has learnt about itself.
@@ -100,6 +103,10 @@ def diagnose(  # noqa: PLR0913 - all that is known of a site
         The quorum in force.
     stale_share : float, default 0.0
         Share of the readings that count and are older than three seconds.
+    foretold : sequence of DetectionPoint, optional
+        How well each detection foretells the next scan, from `detection_curve`.
+    detection : Detection, optional
+        The detection in force; the last scan alone by default.
     gains : sequence of float, optional
         Of the sensor, as `Expectation.noise` finds them from the site's own profiles.
 
@@ -114,6 +121,7 @@ def diagnose(  # noqa: PLR0913 - all that is known of a site
         _dropout(radio),
         *_curve(curve, min_rssi_dbm),
         _staleness(stale_share),
+        *_detection(foretold, detection),
         *_witnesses(median_witnesses, quorum),
         *_likeness(gains),
         _information(expected),
@@ -208,6 +216,21 @@ def _staleness(share: float) -> Finding:
         return Finding("stale sightings", "good", text)
     advice = f"max_age_s {USUAL_AGE_S:.0f}"
     return Finding("stale sightings", "doubtful", text, advice, ("max_age_s", USUAL_AGE_S))
+
+
+def _detection(foretold: Sequence[DetectionPoint], now: Detection) -> list[Finding]:
+    best = choose_detection(foretold)
+    if best is None:
+        return []
+    left = {point.detection: point.unexplained for point in foretold}
+    share = 1.0 - best.unexplained
+    text = f"what was heard in {best.detection} scans explains {share:.1%} of the next count"
+    if best.detection == now:
+        return [Finding("detection", "good", text)]
+    if now in left:
+        text += f", {now} {1 - left[now]:.1%}"
+    advice = f"detection {[*best.detection]}"
+    return [Finding("detection", "doubtful", text, advice, ("detection", best.detection))]
 
 
 def _witnesses(median: float | None, quorum: int) -> list[Finding]:

@@ -134,7 +134,7 @@ class Finding:
     verdict: str
     text: str
     advice: str
-    setting: dict[str, float] | None
+    setting: dict[str, float | list[int]] | None
 
 
 @dataclass(frozen=True, slots=True)

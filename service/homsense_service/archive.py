@@ -103,6 +103,7 @@ def sensor_document(sensor: Sensor, archive: Archive, artifacts: Artifacts) -> d
         "expected": sensor.expected,
         "heights": heights,
         "noise": None if sensor.noise is None else asdict(sensor.noise),
+        "detection": sensor.detection,
         "registered": None
         if found is None
         else archive.keep(found, lambda: _registered_bytes(found), artifacts),
@@ -139,6 +140,7 @@ def sensor_of(
         document["expected"],
         tuple(archive.get(digest, _height) for digest in document["heights"]),
         None if noise is None else homsense.FieldNoise(**tupled(noise)),
+        homsense.Detection(*document.get("detection", ())),
         None
         if registered is None
         else archive.get(registered, lambda body: _registered(body, version, reachable)),

@@ -31,6 +31,10 @@ def diagnosed(sites: SiteRegistry, site: Site) -> homsense.Diagnosis:
         min_rssi_dbm=config.min_rssi_dbm,
         median_witnesses=homsense.median_witnesses(seen),
         quorum=config.quorum,
+        foretold=homsense.detection_curve(
+            sites.latest_walks(site), site.profiles(config.hops or learnt.expectation.best_hops)
+        ),
+        detection=config.detection,
         stale_share=_stale_share(heard, config.min_rssi_dbm, config.max_age_s),
         gains=() if learnt.knows_crowd else site.gains(learnt),
     )

@@ -121,6 +121,7 @@ def snapshot(course: Course) -> Snapshot:
         "velocity": course.own_motion.velocity,
         "heading_rad": course.own_motion.heading_rad,
         "track": course.track,
+        "seen": [*map(sorted, course.seen)],
         "digest": fix.digest,
     }
     return Snapshot(course.number, bundled(document, state.particles._asdict()))
@@ -154,11 +155,12 @@ def resumed(kept: Snapshot, run: Run) -> Course | None:
         fix = Fix(document["seq"], document["t"], measured, document["level"], state, run)
         own_motion = OwnMotion(homsense.Velocity(*document["velocity"]), document["heading_rad"])
         track = homsense.Travel(*document["track"])
+        seen = tuple(map(frozenset, document.get("seen", ())))
     except (ValueError, TypeError, KeyError, OSError, EOFError, BadZipFile):
         return None
     if fix.digest != document["digest"]:
         return None
-    return Course(fix, kept.number, own_motion, track)
+    return Course(fix, kept.number, own_motion, track, seen)
 
 
 def _motion_document(motion: Motion) -> list[Any]:
@@ -187,14 +189,17 @@ def _motion(document: list[Any]) -> Motion:
 
 
 def _worth(measured: Measured | None) -> list[Any] | None:
-    return None if measured is None else [measured.holes, measured.sighting]
+    if measured is None:
+        return None
+    return [measured.holes, measured.sighting, *map(sorted, measured.seen)]
 
 
 def _measured(worth: list[Any] | None) -> Measured | None:
     if worth is None:
         return None
-    holes, sighting = worth
+    holes, sighting, *seen = worth
     return Measured(
         None if holes is None else tuple(holes),
         None if sighting is None else homsense.Sighting(*map(tuple, sighting)),
+        tuple(map(frozenset, seen)),
     )

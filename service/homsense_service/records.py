@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
+from homsense.detection import LAST_SCAN, Detection
+
 NEAR_AND_FAR = (2, 3)
 
 
@@ -18,7 +20,9 @@ def tupled(fields: Mapping[str, Any]) -> dict[str, Any]:
 
 def config_of(fields: Mapping[str, Any]) -> "SiteConfig":
     """Return the configuration that JSON tells of."""
-    return SiteConfig(**tupled(fields))
+    known = tupled(fields)
+    detection = Detection(*known.pop("detection", ()))
+    return SiteConfig(**known, detection=detection)
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +46,8 @@ class SiteConfig:
         Weakest strength that counts as visible, dBm.
     max_age_s : float, optional
         Oldest sighting that counts, seconds.
+    detection : Detection
+        In how many of the last scans of a session a landmark must have been heard.
     quorum : int
         Distinct devices that must have seen landmarks together.
     quarantine : bool
@@ -68,6 +74,7 @@ class SiteConfig:
     landmark_key: Literal["bssid", "ssid"] = "bssid"
     min_rssi_dbm: float | None = None
     max_age_s: float | None = None
+    detection: Detection = LAST_SCAN
     quorum: int = 1
     quarantine: bool = True
     retention: tuple[float, int] | None = None

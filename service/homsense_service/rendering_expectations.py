@@ -48,5 +48,9 @@ def _finding(finding: homsense.Finding) -> schemas.FindingOut:
         verdict=finding.verdict,
         text=finding.text,
         advice=finding.advice,
-        setting=None if finding.setting is None else dict([finding.setting]),
+        setting=None if finding.setting is None else _setting(*finding.setting),
     )
+
+
+def _setting(name: str, value: float | homsense.Detection) -> dict[str, float | list[int]]:
+    return {name: list(value) if isinstance(value, homsense.Detection) else value}

@@ -108,12 +108,22 @@ class Course:
         What the last motion leaves to the next.
     track : homsense.Travel
         Way since the start, by the device's own account.
+    seen : tuple of frozenset of str
+        What the last scans have heard, as far as the next one needs it.
     """
 
     fix: Fix
     number: int = 0
     own_motion: OwnMotion = field(default_factory=OwnMotion)
     track: homsense.Travel = field(default_factory=lambda: homsense.Travel(credit_m=0.0))
+    seen: tuple[frozenset[str], ...] = ()
+
+    @property
+    def seen_near(self) -> tuple[frozenset[str], ...]:
+        """The same; nothing when that was so far away that the error of a count is new."""
+        way_m = self.fix.state.travel.length_m
+        is_near = way_m <= self.fix.run.localizer.likelihood.correlation_m
+        return self.seen if is_near else ()
 
     @classmethod
     def begun(cls, run: Run, seed: int) -> "Course":
@@ -156,7 +166,8 @@ class Course:
         sighting = None if measured is None else measured.sighting
         level = before.level if sighting is None else sighting.highest
         fix = Fix(step.seq, step.t, measured, level, state, run)
-        return Course(fix, self.number + 1, own_motion, self.track.onward(delta))
+        seen = self.seen if measured is None else measured.seen
+        return Course(fix, self.number + 1, own_motion, self.track.onward(delta), seen)
 
     def moved(self, run: Run) -> "Course":
         """Return the session on another map: particles that it has no room for lose weight."""

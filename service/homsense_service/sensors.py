@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import homsense
+from homsense.detection import LAST_SCAN, Detection
 from homsense.expectation import HOPS
 from homsense_service.expecting import Learnt
 from homsense_service.registering import Registered
@@ -26,6 +27,8 @@ class Sensor:
         What is expected of the counts.
     noise : homsense.FieldNoise, optional
         The error of the counts; the session's own when absent.
+    detection : Detection
+        In how many of the last scans a landmark must have been heard to be in view.
     registered : Registered, optional
         The crowd among which a scan is recognized.
     """
@@ -34,6 +37,7 @@ class Sensor:
     expected: Literal["geometric", "simulated"] | None = None
     heights: tuple[homsense.HeightMap, ...] = ()
     noise: homsense.FieldNoise | None = None
+    detection: Detection = LAST_SCAN
     registered: Registered | None = None
 
     @property
@@ -54,10 +58,13 @@ class Measured:
         Counts of each neighborhood.
     sighting : homsense.Sighting, optional
         Scans of the crowd that it resembles.
+    seen : tuple of frozenset of str
+        What it and the scans before it have heard, as far as later scans need that.
     """
 
     holes: tuple[float, ...] | None = None
     sighting: homsense.Sighting | None = None
+    seen: tuple[frozenset[str], ...] = ()
 
     def by(self, kind: Kind) -> object | None:
         """Return it as the likelihood of a sensor takes it; None when nothing is to be weighed."""

@@ -280,7 +280,7 @@ class Session:
         measured = None
         if step.readings:
             with self._means.watch("measure"):
-                measured = self.site.measure(step.readings, sensor)
+                measured = self.site.measure(step.readings, sensor, course.seen_near)
         with self._means.watch("filter"):
             return course.onward(step, measured, self._means.backend)
 

@@ -4,6 +4,7 @@ import hashlib
 import threading
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from itertools import islice
 from typing import Any, Literal
 
@@ -237,14 +238,21 @@ class Site:
         self._profiles[hops] = found
         return found
 
-    def measure(self, stored: Sequence[StoredReading], sensor: Sensor) -> Measured:
-        """Return what a sensor makes of a scan."""
-        readings = self.readings(stored)
-        visible = self.in_view(readings) if sensor.hops else frozenset()
+    def measure(
+        self,
+        stored: Sequence[StoredReading],
+        sensor: Sensor,
+        before: tuple[frozenset[str], ...] = (),
+    ) -> Measured:
+        """Return what a sensor makes of a scan and of those that were seen before it."""
+        readings, detection = self.readings(stored), sensor.detection
+        seen = (*before, self.in_view(readings)) if sensor.hops else ()
+        visible = detection.in_view(seen)
         holes = self._count(visible, sensor) if visible else None
+        kept = seen[len(seen) + 1 - detection.scans :]
         if sensor.registered is None:
-            return Measured(holes)
-        return Measured(holes, sensor.registered.likelihood.complex.sighting(readings))
+            return Measured(holes, seen=kept)
+        return Measured(holes, sensor.registered.likelihood.complex.sighting(readings), kept)
 
     def _count(self, visible: frozenset[str], sensor: Sensor) -> tuple[float, ...] | None:
         """Return the holes near a visible set; None when the complex knows none of it."""
@@ -259,15 +267,16 @@ class Site:
         expected: Literal["simulated", "geometric"] | None = None,
     ) -> Sensor:
         """Return how sessions measure now; a site with few scans is geometric."""
-        wanted = hops or self.config.hops
+        wanted, detection = hops or self.config.hops, self.config.detection
         enough = len(self._sample) >= self._settings.expectation_scans
         if (expected or self.config.expected) == "geometric" or not enough:
             near_and_far = tuple(wanted or self.config.near_and_far)
             with self._deriving:
                 heights = tuple(self._height(radius) for radius in near_and_far)
-            return Sensor(near_and_far, "geometric", heights)
+            return Sensor(near_and_far, "geometric", heights, detection=detection)
         check_simulated(wanted or ())
-        return simulated_sensor(self.learnt(), wanted, self.profiles)
+        sensor = simulated_sensor(self.learnt(), wanted, self.profiles)
+        return replace(sensor, detection=detection)
 
     def learnt(self) -> Learnt:
         """Return what the site knows about its sensor, when it is simulated."""

@@ -2,6 +2,7 @@
 
 import math
 import threading
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import islice
 from typing import Any
@@ -216,6 +217,18 @@ class SiteRegistry:
         """Return scans of a site, evenly over the log when there are many."""
         step = max(1, -(-site.complex.number // self._settings.calibration_scans))
         return [entry.scan for entry in islice(self._store.scans(site.name), 0, None, step)]
+
+    def latest_walks(self, site: Site) -> list[list[frozenset[str]]]:
+        """Return what devices have in view, scan by scan, in the latest scans of a site."""
+        latest = deque(self._store.scans(site.name), self._settings.calibration_scans)
+        walks: dict[tuple[str, object], list[StoredScan]] = {}
+        for _, scan in latest:
+            track = None if scan.track is None else scan.track["id"]
+            walks.setdefault((scan.device, track), []).append(scan)
+        return [
+            [site.visible(scan.readings) for scan in sorted(walk, key=lambda one: one.observed_at)]
+            for walk in walks.values()
+        ]
 
     def range_curve(
         self,

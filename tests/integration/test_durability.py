@@ -117,6 +117,35 @@ def test_a_session_goes_on_after_a_restart_as_its_uninterrupted_twin(
     assert same(service.run(twin, 8, 6), after)
 
 
+def test_scans_before_the_last_count_over_a_restart(service: Restarting) -> None:
+    """What was heard in one of the last three scans is in view, also after a restart."""
+    config = {"expected": "geometric", "hops": [0, 2], "detection": [1, 3]}
+    service.api.put(YARD, json={**config, "detection": [1, 1]}).raise_for_status()
+    alone = service.run(opened(service), 1, 7)
+    service.api.put(YARD, json=config).raise_for_status()
+    session, twin = opened(service), opened(service)
+    before = service.run(session, 1, 7)
+    assert before["measurement"]["holes"] == [1, 1]
+    assert alone["measurement"]["holes"] == [0, 1]
+    api = service.restart()
+    assert api.get(f"/v1/sessions/{session}/pose").json() == before
+    assert same(service.run(twin, 1, 7), before)
+    after = service.run(session, 8, 4)
+    assert same(service.run(twin, 8, 4), after)
+    assert api.get(YARD).json()["config"]["detection"] == [1, 3]
+
+
+def test_scans_made_far_away_are_forgotten(service: Restarting) -> None:
+    config = {"expected": "geometric", "hops": [0], "detection": [1, 5]}
+    service.api.put(YARD, json=config).raise_for_status()
+    session = opened(service)
+    service.run(session, 1, 1, landmarks=["a", "b", "c"])
+    assert service.run(session, 2, 1, landmarks=["d"])["measurement"]["holes"] == [1]
+    far = {"delta": {"forward_m": 500.0}}
+    service.run(session, 3, 1, landmarks=[], **far)
+    assert service.run(session, 4, 1, landmarks=["d"])["measurement"]["holes"] == [0]
+
+
 def test_every_kind_of_motion_is_replayed(service: Restarting) -> None:
     session = opened(service)
     path = f"/v1/sessions/{session}/steps"

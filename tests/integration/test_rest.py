@@ -48,6 +48,13 @@ def test_a_site_lives_from_put_to_delete(api: TestClient) -> None:
     assert problem(api.get("/v1/sites/hall"))["code"] == "site_not_found"
 
 
+def test_a_detection_that_cannot_be_is_refused(api: TestClient) -> None:
+    for wrong in ([3, 2], [0, 1], [1, 6], [1], 2):
+        body = problem(api.put("/v1/sites/hall", json={"detection": wrong}))
+        assert body["errors"][0]["field"].startswith("detection")
+    assert api.get("/v1/sites").json()["sites"] == []
+
+
 def test_the_map_comes_back_as_it_was_put(api: TestClient, site: str) -> None:
     put = api.put(f"/v1/sites/{site}/map", json=SITE_MAP).json()
     assert put["structures"] == 3

@@ -4,11 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from homsense_fleet.device import DriveStep, OdometryNoise, drive
+from homsense_fleet.device import OdometryNoise, drive
 
 from homsense import Delta, Reading, Sighting
+from homsense_cli.accuracy.crowd import heard
 from homsense_cli.accuracy.scenario import STEP_M, STEP_S, Imu
-from homsense_cli.accuracy.scene import CityScene, Scene, heard
+from homsense_cli.accuracy.scene import CityScene, Scene
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,17 +63,15 @@ def drive_through(city: CityScene, imu: Imu, run: int, length_m: float) -> list[
     noise = OdometryNoise(imu.translation_m, imu.rotation_rad)
     std = (imu.translation_m, imu.translation_m, imu.rotation_rad)
     steps = drive(city.world, rng, length_m=length_m, step_m=STEP_M, noise=noise)
-    return [_leg(city, step, std, rng) for step in steps]
-
-
-def _leg(
-    city: CityScene, step: DriveStep, std: tuple[float, float, float], rng: np.random.Generator
-) -> Leg:
-    forward, left, turn = (step.delta[axis] for axis in ("forward_m", "left_m", "turn_rad"))
-    delta = Delta(forward, left, turn, dt_s=STEP_S, std=std)
-    scene = city.scene
-    counts = scene.profiles.mean_holes([entry["id"] for entry in step.scan])
-    return Leg(step.truth[:2], delta, counts, *sightings(scene, heard(step.scan), rng))
+    seen: list[frozenset[str]] = []
+    legs = []
+    for step in steps:
+        seen.append(frozenset(entry["id"] for entry in step.scan))
+        forward, left, turn = (step.delta[axis] for axis in ("forward_m", "left_m", "turn_rad"))
+        delta = Delta(forward, left, turn, dt_s=STEP_S, std=std)
+        found = sightings(city.scene, heard(step.scan), rng)
+        legs.append(Leg(step.truth[:2], delta, city.scene.counts(seen), *found))
+    return legs
 
 
 def sightings(

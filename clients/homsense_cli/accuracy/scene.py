@@ -1,6 +1,6 @@
 """A site that has tuned itself to the scans of a crowd, without any position."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -10,123 +10,28 @@ from homsense_fleet.world import World
 
 from homsense import (
     CodeMap,
-    Counted,
+    Detection,
     Expectation,
     FieldNoise,
     FreeSpace,
     Hearing,
-    InvalidInputError,
     LandmarkComplex,
-    PlaceLikelihood,
     Profiles,
     RadioModel,
-    Reading,
-    RegisteredComplex,
-    Retraced,
     SiteMap,
-    WalkScan,
+    choose_detection,
+    detection_curve,
     estimate_radio,
     expect,
     krige,
-    register_crowd,
-    retrace,
-    smooth,
 )
+from homsense.detection import LAST_SCAN
 from homsense.expectation import HOPS
-from homsense.kriging import MOST_COUNTED
-from homsense.registered.registration import COMPASS_RAD
+from homsense_cli.accuracy.crowd import RegisteredCrowd, by_device, walk_scan
 from homsense_cli.accuracy.scenario import Scenario
 
 CELL_M = 2.0
 WEAKEST_DBM = -95.0
-
-
-@dataclass(frozen=True)
-class RegisteredCrowd:
-    """A crowd that has found its place on the map.
-
-    Parameters
-    ----------
-    scans : list of WalkScan
-        All of it.
-    registered : RegisteredComplex
-        As many of them as are of use, with places.
-    likelihood : PlaceLikelihood
-        Of a scan, over the map.
-    """
-
-    scans: list[WalkScan]
-    registered: RegisteredComplex
-    likelihood: PlaceLikelihood
-
-    @classmethod
-    def of(
-        cls,
-        scans: Iterable[WalkScan],
-        site_map: SiteMap,
-        ground: FreeSpace,
-        reachable: FreeSpace,
-        hearing: Hearing | None = None,
-    ) -> "RegisteredCrowd | None":
-        """Return the crowd of some scans.
-
-        Parameters
-        ----------
-        scans : iterable of WalkScan
-            The crowd, which knows east.
-        site_map : SiteMap
-            The map.
-        ground : FreeSpace
-            Where the map says that one can be.
-        reachable : FreeSpace
-            Where devices are looked for.
-        hearing : Hearing, optional
-            What of a scan counts.
-
-        Returns
-        -------
-        RegisteredCrowd or None
-            Placed without any label; None when it finds no place.
-        """
-        everything = list(scans)
-        try:
-            found = register_crowd(
-                everything, ground, hearing=hearing, rotation_sd_rad=COMPASS_RAD
-            )
-        except InvalidInputError:
-            return None
-        smoothed = smooth(found, everything, site_map, reachable).thinned()
-        return cls(everything, smoothed, PlaceLikelihood(smoothed, reachable))
-
-    @property
-    def is_sure(self) -> bool:
-        """Whether its place is beyond doubt."""
-        return not self.registered.registration.is_doubtful
-
-    @cached_property
-    def been(self) -> Retraced:
-        """Where it has been, also while it heard too little."""
-        return retrace(self.registered, self.scans)
-
-    def counted(self, profiles: Profiles, seen: Sequence[frozenset[str]]) -> Counted:
-        """Return what the crowd counts at its places.
-
-        Parameters
-        ----------
-        profiles : Profiles
-            Holes near each landmark.
-        seen : sequence of frozenset of str
-            What each of its scans has in view.
-
-        Returns
-        -------
-        Counted
-            Of some of them.
-        """
-        some = self.been.stretches(MOST_COUNTED)
-        made = self.been.source[some].tolist()
-        walks = [self.scans[number].walk for number in made]
-        return Counted.of(walks, self.been.xy[some], [seen[number] for number in made], profiles)
 
 
 @dataclass(frozen=True)
@@ -151,6 +56,8 @@ class Scene:
         Their error.
     crowd : RegisteredCrowd, optional
         The crowd on the map, where phones keep account of their motion.
+    detection : Detection
+        In how many of the last scans of a device a landmark must have been heard.
     """
 
     site_map: SiteMap
@@ -161,13 +68,14 @@ class Scene:
     expectation: Expectation
     noise: FieldNoise
     crowd: RegisteredCrowd | None = None
+    detection: Detection = LAST_SCAN
 
     @classmethod
     def of(
         cls,
         site_map: SiteMap,
         free_space: FreeSpace,
-        crowd: Iterable[frozenset[str]],
+        crowd: Sequence[tuple[str, frozenset[str]]],
         model: "Tuned",
         registered: RegisteredCrowd | None = None,
     ) -> "Scene":
@@ -179,8 +87,8 @@ class Scene:
             The map.
         free_space : FreeSpace
             Its free cells.
-        crowd : iterable of frozenset of str
-            What each scan has heard.
+        crowd : sequence of (str, frozenset of str)
+            Whose scan, and what it has heard; those of a device in the order of time.
         model : Tuned
             What the site has learnt.
         registered : RegisteredCrowd, optional
@@ -191,7 +99,7 @@ class Scene:
         Scene
             Ready for robots.
         """
-        heard_by = list(crowd)
+        heard_by = [seen for _, seen in crowd]
         grown = LandmarkComplex.from_observations(seen for seen in heard_by if seen)
         landmarks, expectation = sorted(grown.landmarks), model.expectation
         profiles = Profiles(grown, expectation.hops)
@@ -202,9 +110,34 @@ class Scene:
         if profiles.hops != expectation.hops:
             profiles = Profiles(grown, expectation.hops)
         noise = expectation.noise(profiles.table(landmarks))
+        best = choose_detection(detection_curve(by_device(crowd), profiles))
+        detection = LAST_SCAN if best is None else best.detection
         return cls(
-            site_map, free_space, grown, profiles, model.radio, expectation, noise, registered
+            site_map,
+            free_space,
+            grown,
+            profiles,
+            model.radio,
+            expectation,
+            noise,
+            registered,
+            detection,
         )
+
+    def counts(self, latest: Sequence[frozenset[str]]) -> tuple[float, ...] | None:
+        """Return what a device counts that had this in view in its scans, the latest at the end.
+
+        Parameters
+        ----------
+        latest : sequence of frozenset of str
+            As many as there were, or the last five.
+
+        Returns
+        -------
+        tuple of float, optional
+            Holes; None when nothing known is in view.
+        """
+        return self.profiles.mean_holes(self.detection.in_view(latest))
 
     @cached_property
     def code_map(self) -> CodeMap:
@@ -227,6 +160,7 @@ class Scene:
             "range_m": round(self.radio.range_m, 1),
             "dropout": self.radio.dropout,
             "evenness": self.radio.evenness,
+            "detection": list(self.detection),
             "hops": list(self.expectation.hops),
             "correlation_m": round(self.expectation.correlation_m, 1),
             "information_bits": [round(bits, 2) for bits in self.expectation.information_bits],
@@ -332,34 +266,5 @@ def prepare(
         hearing, walks = Hearing(weakest_dbm=WEAKEST_DBM), map(walk_scan, scans)
         placed = RegisteredCrowd.of(walks, site_map, free_space, free_space, hearing)
     model = tuned(free_space, crowd, hops, scenario.seed, placed)
-    return CityScene(scenario, world, Scene.of(site_map, free_space, crowd, model, placed))
-
-
-def walk_scan(scan: Mapping[str, Any]) -> WalkScan:
-    """Return a scan as the service takes it as one of a walk.
-
-    Parameters
-    ----------
-    scan : mapping
-        With ``track``.
-
-    Returns
-    -------
-    WalkScan
-        The same.
-    """
-    track = scan["track"]
-    return WalkScan(
-        f"{scan['device']} {track['id']}",
-        scan["observed_at"],
-        track["x_m"],
-        track["y_m"],
-        heard(scan["landmarks"]),
-    )
-
-
-def heard(landmarks: Iterable[Mapping[str, Any]]) -> tuple[Reading, ...]:
-    """Return readings that are written as the service takes them."""
-    return tuple(
-        Reading(entry["id"], entry["rssi"], entry.get("age_s", 0.0)) for entry in landmarks
-    )
+    seen_by = [(scan["device"], seen) for scan, seen in zip(scans, crowd, strict=True)]
+    return CityScene(scenario, world, Scene.of(site_map, free_space, seen_by, model, placed))

@@ -21,8 +21,9 @@ from homsense import (
     WalkScan,
 )
 from homsense import visible_landmarks as visible
+from homsense_cli.accuracy.crowd import RegisteredCrowd, heard, walk_scan
 from homsense_cli.accuracy.legs import Leg, sightings
-from homsense_cli.accuracy.scene import RegisteredCrowd, Scene, heard, tuned, walk_scan
+from homsense_cli.accuracy.scene import Scene, tuned
 from homsense_cli.recorded import (
     HEADING_STD_RAD,
     MIN_CHAIN_M,
@@ -131,7 +132,7 @@ def floor_walks(recorded: Recorded, name: str, hops: tuple[int, ...] | None) -> 
         placed = RegisteredCrowd.of(
             map(walk_scan, scans), site_map, free_space, reachable, recorded.hearing
         )
-        crowd = [seen(scan["landmarks"]) for scan in scans]
+        crowd = [(scan["device"], seen(scan["landmarks"])) for scan in scans]
         scene = Scene.of(site_map, reachable, crowd, model, placed)
         rng = np.random.default_rng(number)
         been = _been(floor, chain, {scan["device"] for scan in scans})
@@ -189,13 +190,14 @@ def _thinned(scans: Iterable[dict[str, Any]], share: float) -> Iterator[dict[str
 def _legs(
     scene: Scene, events: list[WalkEvent], seen: Seen, rng: np.random.Generator
 ) -> Iterator[Leg]:
+    so_far: list[frozenset[str]] = []
     for event in events:
         if event.delta is not None:
             yield Leg(event.truth, Delta(*body_motion(event.delta), std=STEP_STD), None)
         if event.readings is not None:
-            counts = scene.profiles.mean_holes(seen(event.readings))
+            so_far.append(seen(event.readings))
             found = sightings(scene, heard(event.readings), rng)
-            yield Leg(event.truth, Delta(), counts, *found)
+            yield Leg(event.truth, Delta(), scene.counts(so_far), *found)
 
 
 def _compass(floor: Floor, chain: list[str]) -> Prior:

@@ -47,7 +47,7 @@ class FindingOut(Wire):
     verdict: Literal["good", "doubtful", "bad"]
     text: str
     advice: str
-    setting: dict[str, float] | None = Field(
+    setting: dict[str, float | list[int]] | None = Field(
         description="Member of the configuration of the site, and the value to give it."
     )
 

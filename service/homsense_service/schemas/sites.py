@@ -2,8 +2,9 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field, StringConstraints, model_validator
+from pydantic import Field, StringConstraints, field_validator, model_validator
 
+from homsense.detection import LAST_SCAN, Detection
 from homsense_service.records import NEAR_AND_FAR, SiteConfig
 from homsense_service.schemas.wire import HopList, Origin, Wire
 from homsense_service.sensors import check_simulated
@@ -37,6 +38,12 @@ class SiteIn(Wire):
     )
     max_age_s: float | None = Field(
         default=None, ge=0, description="Oldest sighting that counts, seconds."
+    )
+    detection: list[int] = Field(
+        default=list(LAST_SCAN),
+        min_length=2,
+        max_length=2,
+        description="[k, n]: what a session has heard in k of its last n scans counts; n up to 5.",
     )
     quorum: int = Field(
         default=1,
@@ -74,6 +81,11 @@ class SiteIn(Wire):
         description="How far behind a wall a device may still be, metres; 1 for a floor plan.",
     )
 
+    @field_validator("detection")
+    @classmethod
+    def _possible(cls, detection: list[int]) -> list[int]:
+        return list(Detection(*detection).checked())
+
     @model_validator(mode="after")
     def _consistent(self) -> "SiteIn":
         hops = self.hops or list(NEAR_AND_FAR)
@@ -97,6 +109,7 @@ class SiteIn(Wire):
             landmark_key=self.landmark_key,
             min_rssi_dbm=self.min_rssi_dbm,
             max_age_s=self.max_age_s,
+            detection=Detection(*self.detection),
             quorum=self.quorum,
             quarantine=self.quarantine,
             retention=None
@@ -120,6 +133,7 @@ class SiteIn(Wire):
             landmark_key=config.landmark_key,
             min_rssi_dbm=config.min_rssi_dbm,
             max_age_s=config.max_age_s,
+            detection=list(config.detection),
             quorum=config.quorum,
             quarantine=config.quarantine,
             retention=None
