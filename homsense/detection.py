@@ -18,7 +18,7 @@ from homsense.errors import InvalidConfigurationError
 from homsense.profiles import Profiles
 
 MOST_SCANS = 5
-_WORTH_IT = 0.95
+_WORTH_IT = 0.05
 _FEWEST, _LEAST = 30, 1e-300
 
 FloatArray = NDArray[np.float64]
@@ -169,18 +169,19 @@ def choose_detection(curve: Sequence[DetectionPoint]) -> DetectionPoint | None:
     Returns
     -------
     DetectionPoint or None
-        Another than the first only if that leaves a twentieth less unexplained.
+        Another than the first only if it explains a twentieth more of the variance; less is lost
+        among what counts differ by from one place to the next.
 
     Examples
     --------
-    >>> alone, united = DetectionPoint(Detection(), 0.10), DetectionPoint(Detection(1, 2), 0.08)
+    >>> alone, united = DetectionPoint(Detection(), 0.20), DetectionPoint(Detection(1, 2), 0.12)
     >>> choose_detection([alone, united]).detection
     Detection(times=1, scans=2)
     """
     if not curve:
         return None
     best = min(curve, key=lambda point: point.unexplained)
-    return best if best.unexplained < _WORTH_IT * curve[0].unexplained else curve[0]
+    return best if best.unexplained <= curve[0].unexplained - _WORTH_IT else curve[0]
 
 
 def _unexplained(before: FloatArray, after: FloatArray) -> float:

@@ -1,5 +1,6 @@
 """Over REST: a site learns from its scans what its sensor counts, and sessions measure with it."""
 
+import random
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from support.networks import until
 
 pytestmark = pytest.mark.xdist_group("town")  # one worker sets it up
 SITE = "/v1/sites/town"
+HEARD = 0.25
 WORLD: World = city_world("downtown-44", 3, radio=Radio(s_max_m=72.0))
 
 
@@ -174,8 +176,17 @@ def test_the_doctor_prints_what_a_service_says() -> None:
 
 
 def test_the_doctor_sets_what_it_advises() -> None:
-    """Scans that repeat old sightings: the age limit is advised, and set when asked to."""
-    scans = _scans(range(10))
+    """Scans that repeat old sightings and miss most of what is there, three at each place."""
+    chance = random.Random(0)
+    scans = [
+        {
+            **scan,
+            "scan_id": f"{scan['scan_id']} {again}",
+            "landmarks": [{**heard} for heard in scan["landmarks"] if chance.random() < HEARD],
+        }
+        for scan in _scans(range(10), 25)
+        for again in range(4)
+    ]
     for scan in scans:
         for reading in scan["landmarks"][::3]:
             reading["age_s"] = 20.0
@@ -187,5 +198,6 @@ def test_the_doctor_sets_what_it_advises() -> None:
         run_doctor(url, "town", console)
         assert client.get_site("town").config["max_age_s"] is None
         run_doctor(url, "town", console, apply=True)
-        assert client.get_site("town").config["max_age_s"] == 3.0
+        config = client.get_site("town").config
+        assert (config["max_age_s"], config["detection"]) == (3.0, [1, 3])
         assert "set: " in console.export_text()

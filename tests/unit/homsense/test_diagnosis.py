@@ -6,7 +6,17 @@ from functools import cache
 import pytest
 from support.builders import feature, local_map, square
 
-from homsense import Expectation, FreeSpace, RadioModel, RangePoint, SiteMap, diagnose, expect
+from homsense import (
+    Detection,
+    DetectionPoint,
+    Expectation,
+    FreeSpace,
+    RadioModel,
+    RangePoint,
+    SiteMap,
+    diagnose,
+    expect,
+)
 
 TOWN = SiteMap.from_geojson(
     local_map(
@@ -20,6 +30,9 @@ CURVE = [
     RangePoint(-63.0, 6.0, 55, 80, (1, 9), -8, 8),
     RangePoint(-66.0, 9.0, 60, 90, (1, 4), 2, 3),
 ]
+
+
+FORETOLD = [DetectionPoint(Detection(), 0.3), DetectionPoint(Detection(1, 3), 0.1)]
 
 
 @cache
@@ -52,6 +65,7 @@ def test_a_range_beyond_the_pitch_is_bad_and_a_cut_is_advised() -> None:
             "likeness",
             "a line of sight does not decide what is heard here; do not trust counts",
         ),
+        ({"foretold": FORETOLD}, "detection", "detection [1, 3]"),
         ({"median_witnesses": 325.0}, "witnesses", "quorum 4"),
         ({"curve": CURVE, "min_rssi_dbm": -66.0}, "chi alarm", "a stronger min_rssi_dbm"),
         ({"curve": CURVE, "min_rssi_dbm": -66.0}, "RSSI cut", "min_rssi_dbm -63"),
@@ -70,7 +84,9 @@ def test_what_hinders_is_named_with_what_to_set(
 
 
 def test_a_site_in_order_has_nothing_to_set() -> None:
-    found = _verdicts(curve=CURVE, min_rssi_dbm=-63.0, median_witnesses=20.0, stale_share=0.0)
+    found = _verdicts(
+        curve=CURVE, min_rssi_dbm=-63.0, median_witnesses=20.0, foretold=FORETOLD[:1]
+    )
     assert {verdict for topic, (verdict, _) in found.items() if topic != "information"} == {"good"}
 
 
