@@ -1,4 +1,7 @@
-"""The compiled stages of the filter behind the signatures of `homsense.backend.Backend`."""
+"""The compiled stages of the filter behind the signatures of `homsense.backend.Backend`.
+
+Named tuples cross into compiled code as plain ones: numba looks their class up at every call.
+"""
 
 from collections.abc import Callable
 from typing import Any
@@ -72,7 +75,9 @@ def propagate(particles: Particles, move: Move, walls: Walls, seed: int, tick: i
     Particles
         As `homsense.stages.propagate` gives them.
     """
-    return Particles(*_propagate(particles, *move, walls, np.uint64(seed), np.uint64(tick)))
+    raster, half_cell_m, clearance = walls
+    solid = tuple(raster), half_cell_m, clearance
+    return Particles(*_propagate(tuple(particles), *move, solid, np.uint64(seed), np.uint64(tick)))
 
 
 def reweigh(particles: Particles, raster: Raster, codes: Codes, table: Integers) -> Reweighed:
@@ -94,7 +99,7 @@ def reweigh(particles: Particles, raster: Raster, codes: Codes, table: Integers)
     Reweighed
         As `homsense.stages.reweigh` gives it.
     """
-    log_weight, *summed = _reweigh(particles, raster, codes, table)
+    log_weight, *summed = _reweigh(tuple(particles), tuple(raster), codes, table)
     return Reweighed(Particles(*particles[:3], log_weight), *map(int, summed))
 
 
@@ -140,7 +145,7 @@ def systematic(
     Particles
         As `homsense.stages.systematic` gives them.
     """
-    return Particles(*_systematic(particles, weights, total, offset, count))
+    return Particles(*_systematic(tuple(particles), weights, total, offset, count))
 
 
 def cell_masses(coded: CodedCells, table: Integers) -> CellMasses:
@@ -201,7 +206,7 @@ def histogram(particles: Particles, weights: Weights, cell_m: float) -> Histogra
     Histogram
         As `homsense.histogram.histogram` gives it.
     """
-    column, row, cells, smooth = _histogram(particles, weights, np.float32(1.0 / cell_m))
+    column, row, cells, smooth = _histogram(tuple(particles), weights, np.float32(1.0 / cell_m))
     return Histogram(cell_m, column, row, cells, smooth, heaviest_first(smooth.ravel()))
 
 
@@ -270,7 +275,7 @@ def moments(
     Moments
         As `homsense.modes.moments` gives them.
     """
-    return Moments(*_moments(particles, weights, of_mode, n_modes, corner))
+    return Moments(*_moments(tuple(particles), weights, of_mode, n_modes, corner))
 
 
 def _outermost(fingerprint: str) -> tuple[Callable[..., Any], ...]:
@@ -282,11 +287,13 @@ def _outermost(fingerprint: str) -> tuple[Callable[..., Any], ...]:
 
     def propagate(particles, mean, root, walls, seed, tick):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
         fingerprint  # noqa: B018
-        return propagation.propagate(particles, mean, root, walls, seed, tick)
+        raster, half_cell_m, clearance = walls
+        solid = Walls(Raster(*raster), half_cell_m, clearance)
+        return propagation.propagate(Particles(*particles), mean, root, solid, seed, tick)
 
     def reweigh(particles, raster, codes, table):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
         fingerprint  # noqa: B018
-        return stages.reweigh(particles, raster, codes, table)
+        return stages.reweigh(Particles(*particles), Raster(*raster), codes, table)
 
     def weigh(log_weight):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
         fingerprint  # noqa: B018
@@ -294,7 +301,7 @@ def _outermost(fingerprint: str) -> tuple[Callable[..., Any], ...]:
 
     def systematic(particles, weights, total, offset, count):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
         fingerprint  # noqa: B018
-        return stages.systematic(particles, weights, total, offset, count)
+        return stages.systematic(Particles(*particles), weights, total, offset, count)
 
     def cell_masses(sizes, table):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
         fingerprint  # noqa: B018
@@ -306,7 +313,7 @@ def _outermost(fingerprint: str) -> tuple[Callable[..., Any], ...]:
 
     def histogram(particles, weights, per_m):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
         fingerprint  # noqa: B018
-        return histograms.histogram(particles, weights, per_m)
+        return histograms.histogram(Particles(*particles), weights, per_m)
 
     def hills(smooth, order):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
         fingerprint  # noqa: B018
@@ -318,7 +325,7 @@ def _outermost(fingerprint: str) -> tuple[Callable[..., Any], ...]:
 
     def moments(particles, weights, of_mode, n_modes, corner):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
         fingerprint  # noqa: B018
-        return peaks.moments(particles, weights, of_mode, n_modes, corner)
+        return peaks.moments(Particles(*particles), weights, of_mode, n_modes, corner)
 
     return (
         kept(words),

@@ -1,4 +1,7 @@
-"""The compiled hot loops behind the signatures of `homsense.engine.Engine`."""
+"""The compiled hot loops behind the signatures of `homsense.engine.Engine`.
+
+Named tuples cross into compiled code as plain ones: numba looks their class up at every call.
+"""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -80,7 +83,9 @@ def sense(
     workspace = table.workspace
     if not isinstance(workspace, sensing.Workspace) or not workspace.suffices(version):
         table.workspace = workspace = sensing.Workspace.of(version)
-    order, ends, components, bars = _sense(version, seeds, np.array(radii), without, workspace)
+    order, ends, components, bars = _sense(
+        tuple(version), seeds, np.array(radii), without, tuple(workspace)
+    )
     return Neighborhoods(order, ends, _as_history(components, bars))
 
 
@@ -118,7 +123,9 @@ def _outermost(fingerprint: str) -> tuple[Callable[..., Any], ...]:
 
     def sense(version, seeds, radii, without, workspace):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
         fingerprint  # noqa: B018
-        return sensing.sense(version, seeds, radii, without, workspace)
+        return sensing.sense(
+            Version(*version), seeds, radii, without, sensing.Workspace(*workspace)
+        )
 
     def history(ends, points, n_points, n_whole, stages):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
         fingerprint  # noqa: B018
