@@ -85,8 +85,10 @@ class Detection(NamedTuple):
         ['a', 'b']
         """
         window = latest[-self.scans :]
-        heard = Counter(landmark for scan in window for landmark in scan)
         enough = min(self.times, len(window))
+        if enough <= 1:
+            return frozenset().union(*window)
+        heard = Counter(landmark for scan in window for landmark in scan)
         return frozenset(landmark for landmark, times in heard.items() if times >= enough)
 
 

@@ -1,7 +1,5 @@
 """``homsense doctor``: what a site has learnt about itself, and whether counting holes helps."""
 
-import json
-
 from homsense_client import Client, Diagnosis
 from rich.console import Console
 from rich.progress import Progress
@@ -57,6 +55,9 @@ def run_doctor(
     color = _MARKS[diagnosis.verdict]
     console.print(f"[{color}]{diagnosis.summary}[/{color}]", soft_wrap=True)
     if changes:
-        told = ", ".join(f"{name} = {json.dumps(value)}" for name, value in changes.items())
+        told = ", ".join(
+            f"{name} = {value if isinstance(value, list) else f'{value:g}'}"
+            for name, value in changes.items()
+        )
         console.print(f"{'set' if apply else '--apply sets'}: {told}", soft_wrap=True)
     return diagnosis

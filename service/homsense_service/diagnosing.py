@@ -1,9 +1,10 @@
 """How good a site is, by what it has learnt about itself."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import homsense
 from homsense.diagnosis import USUAL_AGE_S
+from homsense_service.records import StoredScan
 from homsense_service.site import Site
 from homsense_service.sites import SiteRegistry
 
@@ -18,7 +19,7 @@ def diagnosed(sites: SiteRegistry, site: Site) -> homsense.Diagnosis:
     """
     sites.placed(site)
     learnt = site.learnt()
-    scans = sites.some_scans(site)
+    scans, latest = sites.some_scans(site)
     heard = [reading for scan in scans for reading in site.readings(scan.readings)]
     seen = [(scan.device, site.visible(scan.readings)) for scan in scans]
     config = site.config
@@ -32,12 +33,24 @@ def diagnosed(sites: SiteRegistry, site: Site) -> homsense.Diagnosis:
         median_witnesses=homsense.median_witnesses(seen),
         quorum=config.quorum,
         foretold=homsense.detection_curve(
-            sites.latest_walks(site), site.profiles(config.hops or learnt.expectation.best_hops)
+            _walks(site, latest), site.profiles(config.hops or learnt.expectation.best_hops)
         ),
         detection=config.detection,
         stale_share=_stale_share(heard, config.min_rssi_dbm, config.max_age_s),
         gains=() if learnt.knows_crowd else site.gains(learnt),
     )
+
+
+def _walks(site: Site, scans: Iterable[StoredScan]) -> list[list[frozenset[str]]]:
+    """Return what devices have in view on their walks, scan by scan."""
+    walks: dict[tuple[str, object], list[StoredScan]] = {}
+    for scan in scans:
+        track = None if scan.track is None else scan.track["id"]
+        walks.setdefault((scan.device, track), []).append(scan)
+    return [
+        [site.visible(scan.readings) for scan in sorted(walk, key=lambda one: one.observed_at)]
+        for walk in walks.values()
+    ]
 
 
 def _stale_share(

@@ -213,22 +213,16 @@ class SiteRegistry:
             if (walked := walk_scan(scan, site.readings(scan.readings))) is not None:
                 yield walked
 
-    def some_scans(self, site: Site) -> list[StoredScan]:
-        """Return scans of a site, evenly over the log when there are many."""
-        step = max(1, -(-site.complex.number // self._settings.calibration_scans))
-        return [entry.scan for entry in islice(self._store.scans(site.name), 0, None, step)]
-
-    def latest_walks(self, site: Site) -> list[list[frozenset[str]]]:
-        """Return what devices have in view, scan by scan, in the latest scans of a site."""
-        latest = deque(self._store.scans(site.name), self._settings.calibration_scans)
-        walks: dict[tuple[str, object], list[StoredScan]] = {}
-        for _, scan in latest:
-            track = None if scan.track is None else scan.track["id"]
-            walks.setdefault((scan.device, track), []).append(scan)
-        return [
-            [site.visible(scan.readings) for scan in sorted(walk, key=lambda one: one.observed_at)]
-            for walk in walks.values()
-        ]
+    def some_scans(self, site: Site) -> tuple[list[StoredScan], deque[StoredScan]]:
+        """Return scans of a site evenly over the log, and the latest; all when they are few."""
+        most = self._settings.calibration_scans
+        step = max(1, -(-site.complex.number // most))
+        even, latest = list[StoredScan](), deque[StoredScan](maxlen=most)
+        for place, (_, scan) in enumerate(self._store.scans(site.name)):
+            if place % step == 0:
+                even.append(scan)
+            latest.append(scan)
+        return even, latest
 
     def range_curve(
         self,

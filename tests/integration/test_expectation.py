@@ -176,7 +176,7 @@ def test_the_doctor_prints_what_a_service_says() -> None:
 
 
 def test_the_doctor_sets_what_it_advises() -> None:
-    """Scans that repeat old sightings and miss most of what is there, three at each place."""
+    """Scans that repeat old sightings and miss most of what is there, four at each place."""
     chance = random.Random(0)
     scans = [
         {

@@ -15,7 +15,6 @@ from homsense import (
     HeadingPrior,
     Hearing,
     Prior,
-    Reading,
     SiteMap,
     UniformPrior,
     WalkScan,
@@ -120,8 +119,9 @@ def floor_walks(recorded: Recorded, name: str, hops: tuple[int, ...] | None) -> 
     free_space = FreeSpace.of(site_map, CELL_M)
 
     def seen(readings: list[dict[str, Any]]) -> frozenset[str]:
-        heard = [Reading(entry["id"], entry["rssi"], entry["age_s"]) for entry in readings]
-        return visible(heard, min_rssi_dbm=recorded.min_rssi_dbm, max_age_s=recorded.max_age_s)
+        return visible(
+            heard(readings), min_rssi_dbm=recorded.min_rssi_dbm, max_age_s=recorded.max_age_s
+        )
 
     everything = [seen(scan["landmarks"]) for scan in crowd_scans(floor, [])]
     model = tuned(free_space, everything, hops, seed=0)
