@@ -19,7 +19,7 @@ from homsense.philox import Purpose
 Array = NDArray[Any]
 
 _BLOCKED, _LOWEST = weights.BLOCKED, weights.LOWEST
-_NOTHING = np.float32(0.0)
+_NOTHING, _FREE = np.float32(0.0), np.int32(0)
 _MOTION = int(Purpose.MOTION)
 
 
@@ -51,15 +51,16 @@ def propagate(
     drawn = words(seed, tick, _MOTION, count)
     _deviate(drawn[0], drawn[1], drawn[2], drawn[3], x, y, turns)
     _move(particles, mean, root, x, y, turns)
-    before, after = np.empty(count, np.float32), np.empty(count, np.float32)
-    cells, doubtful = np.empty(count, np.uint32), np.empty(count, np.bool_)
-    _clear(particles.x_m, particles.y_m, walls, cells, before)
-    _clear(x, y, walls, cells, after)
-    _vouch(particles, before, after, x, y, log_weight, doubtful)
-    numbers = np.empty(count, np.uint32)
+    gone, until = np.empty(count, np.float32), np.empty(count, np.float32)
+    cells, numbers = np.empty(count, np.uint32), np.empty(count, np.uint32)
+    stopped, doubtful = np.empty(count, np.bool_), np.empty(count, np.bool_)
+    _clear(particles.x_m, particles.y_m, walls, cells, gone)
+    _clear(x, y, walls, cells, until)
+    _vouch(particles, walls, x, y, gone, until, stopped, doubtful)
     found = _collect(doubtful, numbers)
-    _march(particles, walls, before, after, numbers[:found], x, y, log_weight)
-    _lift(log_weight)
+    _march(particles, walls, numbers[:found], x, y, gone, until, stopped)
+    _halt(particles, stopped, x, y)
+    _blame(particles.log_weight, stopped, log_weight)
     return x, y, turns, log_weight
 
 
@@ -103,25 +104,28 @@ def _clear(x: Array, y: Array, walls: Walls, cells: Array, clearance: Array) -> 
 @apart
 def _vouch(
     particles: Particles,
-    before: Array,
-    after: Array,
+    walls: Walls,
     x: Array,
     y: Array,
-    log_weight: Array,
+    gone: Array,
+    until: Array,
+    stopped: Array,
     doubtful: Array,
 ) -> None:
-    """Stop who ends where nobody can be, and mark whose way the two ends do not vouch for."""
+    """Tell who ends where nobody can be, and whose way the two ends do not vouch for.
+
+    The clearances of the ends come in `gone` and `until`, which get the part of each way that is
+    to be looked at.
+    """
     for index in range(len(x)):
-        from_x, from_y = particles.x_m[index], particles.y_m[index]
-        right, up = x[index] - from_x, y[index] - from_y
-        reach = before[index] + after[index]
-        is_stopped = after[index] < _NOTHING
-        is_vouched = (before[index] >= _NOTHING) & (right * right + up * up <= reach * reach)
-        doubtful[index] = (not is_stopped) & (not is_vouched)
-        old = particles.log_weight[index]
-        x[index] = from_x if is_stopped else x[index]
-        y[index] = from_y if is_stopped else y[index]
-        log_weight[index] = max(np.int32(old + _BLOCKED), _LOWEST) if is_stopped else old
+        right, up = x[index] - particles.x_m[index], y[index] - particles.y_m[index]
+        before, after = gone[index], until[index]
+        square, reach = right * right + up * up, before + after
+        is_stopped = after < _NOTHING
+        is_vouched = (before >= _NOTHING) & (square <= reach * reach)
+        gone[index], until[index] = max(before, walls.half_cell_m), np.sqrt(square) - after
+        stopped[index] = is_stopped
+        doubtful[index] = (not (is_stopped | is_vouched)) & (gone[index] < until[index])
 
 
 @apart
@@ -138,33 +142,50 @@ def _collect(chosen: Array, numbers: Array) -> int:
 def _march(
     particles: Particles,
     walls: Walls,
-    before: Array,
-    after: Array,
     numbers: Array,
     x: Array,
     y: Array,
-    log_weight: Array,
+    gone: Array,
+    until: Array,
+    stopped: Array,
 ) -> None:
-    """Walk the ways of some particles, given by their numbers, and stop who meets a wall."""
-    for index in numbers:
-        from_x, from_y = particles.x_m[index], particles.y_m[index]
-        right, up = x[index] - from_x, y[index] - from_y
-        length = np.sqrt(right * right + up * up)
-        gone, until = max(before[index], walls.half_cell_m), length - after[index]
-        while gone < until:
-            part = gone / length
+    """Walk the ways of some particles, given by their numbers, all of them a stride at a time.
+
+    A way that ends is dropped without a branch: no processor foresees which one does.
+    """
+    walking = len(numbers)
+    while walking:
+        still = np.uint32(0)
+        for place in range(walking):
+            index = numbers[place]
+            from_x, from_y = particles.x_m[index], particles.y_m[index]
+            right, up = x[index] - from_x, y[index] - from_y
+            part = gone[index] / np.sqrt(right * right + up * up)
             ahead = _clearance_m(walls, from_x + right * part, from_y + up * part)
-            if ahead < _NOTHING:
-                x[index], y[index] = from_x, from_y
-                log_weight[index] = max(np.int32(log_weight[index] + _BLOCKED), _LOWEST)
-                break
-            gone = gone + max(ahead, walls.half_cell_m)
+            gone[index] += max(ahead, walls.half_cell_m)
+            stopped[index] = ahead < _NOTHING
+            numbers[still] = index
+            still += np.uint32((ahead >= _NOTHING) & (gone[index] < until[index]))
+        walking = int(still)
 
 
 @apart
-def _lift(log_weight: Array) -> None:
+def _halt(particles: Particles, stopped: Array, x: Array, y: Array) -> None:
+    """Leave those where they were whom a wall has stopped."""
+    for index in range(len(x)):
+        is_stopped, to_x, to_y = stopped[index], x[index], y[index]
+        from_x, from_y = particles.x_m[index], particles.y_m[index]
+        x[index] = from_x if is_stopped else to_x
+        y[index] = from_y if is_stopped else to_y
+
+
+@apart
+def _blame(old: Array, stopped: Array, log_weight: Array) -> None:
+    """Make those unlikely whom a wall has stopped; the best has log-weight 0."""
     best = _LOWEST
     for index in range(len(log_weight)):
+        cost = _BLOCKED if stopped[index] else _FREE
+        log_weight[index] = max(np.int32(old[index] + cost), _LOWEST)
         best = max(best, log_weight[index])
     for index in range(len(log_weight)):
         log_weight[index] -= best
