@@ -110,28 +110,30 @@ def preintegrate(
     if not samples:
         message = "a batch has at least one sample"
         raise InvalidInputError(message, "imu")
+    duration = 0.0
     for sample in samples:
         _check(sample)
-    slow = before.forward**2 + before.left**2 < noise.still_speed**2
+        duration += sample.dt_s
+    slow = _square(before.forward) + _square(before.left) < _square(noise.still_speed)
     if slow and all(_is_still(sample, noise) for sample in samples):
-        duration = sum(sample.dt_s for sample in samples)
         return Delta(dt_s=duration, covariance=(0.0,) * 9), Velocity()
-    x = y = turned = duration = 0.0
+    x = y = turned = 0.0
     vx, vy = before.forward, before.left
     for dt, forward, left, rate in samples:
         right, up = _direction(turned + 0.5 * rate * dt)
         ax, ay = right * forward - up * left, up * forward + right * left
         x, y = x + (vx + 0.5 * ax * dt) * dt, y + (vy + 0.5 * ay * dt) * dt
         vx, vy = vx + ax * dt, vy + ay * dt
-        turned, duration = turned + rate * dt, duration + dt
-    spread = before.variance * duration**2 + noise.acceleration**2 * duration**3 / 3.0
-    turning = noise.turn_rate**2 * duration
+        turned += rate * dt
+    shaken = _square(noise.acceleration) * duration
+    spread = (before.variance + shaken / 3.0) * _square(duration)
+    turning = _square(noise.turn_rate) * duration
     covariance = (spread, 0.0, 0.0, 0.0, spread, 0.0, 0.0, 0.0, turning)
     right, up = _direction(turned)
     after = Velocity(
         right * vx + up * vy,
         right * vy - up * vx,
-        before.variance + noise.acceleration**2 * duration,
+        before.variance + shaken,
     )
     return Delta(x, y, turned, duration, covariance=covariance), after
 
@@ -146,6 +148,10 @@ def _check(sample: ImuSample) -> None:
 def _is_still(sample: ImuSample, noise: ImuNoise) -> bool:
     fast = max(abs(sample.forward), abs(sample.left)) >= noise.still_acceleration
     return not fast and abs(sample.turn) < noise.still_rate
+
+
+def _square(number: float) -> float:
+    return number * number
 
 
 def _direction(turned: float) -> tuple[float, float]:

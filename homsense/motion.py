@@ -1,7 +1,6 @@
 """Motion models: how uncertain a measured body-frame motion is (Algorithm 1, moveParticle)."""
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -11,6 +10,8 @@ from homsense.errors import InvalidConfigurationError
 from homsense.pose import Delta
 from homsense.scalar import TURN
 from homsense.stages import Move
+
+Triple = tuple[float, float, float]
 
 
 class MotionModel(Protocol):
@@ -72,7 +73,8 @@ class OdometryMotion:
         """
         if delta.std is not None:
             return delta.std
-        squares = delta.length_m**2, delta.turn_rad**2, delta.dt_s
+        way, turn = delta.length_m, delta.turn_rad
+        squares = way * way, turn * turn, delta.dt_s
         translation = self.translation_per_m, self.translation_per_rad, self.translation_drift
         rotation = self.rotation_per_m, self.rotation_per_rad, self.rotation_drift
         along, around = _root_of_sum(translation, squares), _root_of_sum(rotation, squares)
@@ -123,7 +125,7 @@ class ImuMotion:
         >>> ImuMotion().deviations(Delta(forward_m=5.0, dt_s=0.5))
         (1.25, 1.25, 0.054375)
         """
-        half_square = 0.5 * delta.dt_s**2
+        half_square = 0.5 * delta.dt_s * delta.dt_s
         linear = self.sigma_linear * half_square
         return linear, linear, self.sigma_angular * half_square
 
@@ -153,14 +155,14 @@ def measured_move(delta: Delta, model: MotionModel) -> Move:
         forward, left, turn = model.deviations(delta)
         root = (forward, 0.0, left, 0.0, 0.0, turn)
     mean = (delta.forward_m, delta.left_m, delta.turn_rad / TURN)
-    return Move(
-        np.array(mean, np.float32),
-        np.array([*root[:3], *(part / TURN for part in root[3:])], np.float32),
-    )
+    r00, r10, r11, r20, r21, r22 = root
+    rows = np.array((*mean, r00, r10, r11, r20 / TURN, r21 / TURN, r22 / TURN), np.float32)
+    return Move(rows[:3], rows[3:])
 
 
-def _root_of_sum(factors: Iterable[float], squares: Iterable[float]) -> float:
-    return math.sqrt(sum(f * f * square for f, square in zip(factors, squares, strict=True)))
+def _root_of_sum(factors: Triple, squares: Triple) -> float:
+    (a, b, c), (x, y, z) = factors, squares
+    return math.sqrt(a * a * x + b * b * y + c * c * z)
 
 
 def _check_not_negative(name: str, value: float) -> None:

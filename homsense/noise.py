@@ -8,7 +8,8 @@ raised to ``way / correlation_m``, at most 1.
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, reduce
+from operator import add, mul
 from typing import Protocol
 
 import numpy as np
@@ -259,11 +260,15 @@ def _root(correlation: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...]
     for i, row in enumerate(correlation):
         found: list[float] = []
         for j in range(i):
-            dot = sum(a * b for a, b in zip(found, root[j], strict=False))
-            found.append((row[j] - dot) / root[j][j])
-        rest = row[i] - sum(a * a for a in found)
+            found.append((row[j] - _dot(found, root[j])) / root[j][j])
+        rest = row[i] - _dot(found, found)
         if rest <= 0.0:
             message = "a correlation must be positive definite"
             raise InvalidConfigurationError(message, "correlation")
         root.append((*found, math.sqrt(rest)))
     return tuple(root)
+
+
+def _dot(some: Sequence[float], others: Sequence[float]) -> float:
+    """Add up in order; `sum` rounds as the version of Python wants."""
+    return reduce(add, map(mul, some, others), 0.0)

@@ -36,7 +36,7 @@ class Delta(NamedTuple):
     @property
     def length_m(self) -> float:
         """Distance moved, metres."""
-        return math.sqrt(self.forward_m**2 + self.left_m**2)
+        return math.sqrt(self.forward_m * self.forward_m + self.left_m * self.left_m)
 
     def checked(self) -> "Delta":
         """Return the motion itself once it is known to be sound.

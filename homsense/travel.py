@@ -31,7 +31,8 @@ class Travel(NamedTuple):
     @property
     def length_m(self) -> float:
         """Distance that counts, metres."""
-        return math.sqrt(self.forward_m**2 + self.left_m**2) + self.credit_m
+        square = self.forward_m * self.forward_m + self.left_m * self.left_m
+        return math.sqrt(square) + self.credit_m
 
     def onward(self, delta: Delta) -> Self:
         """Return the travel after another motion.

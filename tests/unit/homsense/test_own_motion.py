@@ -1,10 +1,25 @@
 """Motion from an IMU and from steps."""
 
 import math
+from inspect import unwrap
+from types import ModuleType
 
+import numpy as np
 import pytest
 
-from homsense import ImuSample, InvalidInputError, Velocity, preintegrate, walked
+from homsense import (
+    Delta,
+    FieldNoise,
+    ImuSample,
+    InvalidInputError,
+    OdometryMotion,
+    Velocity,
+    imu,
+    motion,
+    noise,
+    preintegrate,
+    walked,
+)
 
 
 def test_a_turn_at_constant_speed_is_an_arc() -> None:
@@ -73,3 +88,32 @@ def test_steps_follow_their_headings() -> None:
     for length, heading in ((-1.0, 0.0), (math.nan, 0.0), (1.0, math.inf)):
         with pytest.raises(InvalidInputError, match="step"):
             walked(length, heading, None)
+
+
+@pytest.mark.parametrize("module", [imu, motion, noise])
+def test_no_version_of_python_adds_up_otherwise(
+    module: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From 3.12 on `sum` makes up for what it rounds off."""
+    monkeypatch.setattr(noise, "_root", unwrap(vars(noise)["_root"]))
+
+    def reckoned() -> list[object]:
+        found: list[object] = []
+        rng = np.random.Generator(np.random.Philox(key=5))
+        for a, b, c in rng.uniform(0.05, 0.3, (200, 3)).tolist():
+            still = [ImuSample(dt, 0.0, 0.0, 0.0) for dt in (a, b, c)]
+            related = tuple(
+                tuple(1.0 if i == j else 0.6 * (a, b, c)[(i + j) % 3] for j in range(6))
+                for i in range(6)
+            )
+            weigher = FieldNoise(related, (1.0,) * 6, (0.0,) * 6, 20.0, 80.0).weigher
+            found += [
+                OdometryMotion(a, b, c, a, b, c).deviations(Delta(a, b, c, a)),
+                preintegrate(still, Velocity()),
+                weigher(np.ones((1, 12)))((99.0 * a, 99.0 * b, 99.0 * c) * 2).tobytes(),
+            ]
+        return found
+
+    here = reckoned()
+    monkeypatch.setattr(module, "sum", math.fsum, raising=False)
+    assert reckoned() == here
