@@ -45,9 +45,9 @@ class Backend(NamedTuple):
     propagate: Callable[[Particles, Move, Walls, int, int], Particles]
     reweigh: Callable[[Particles, Raster, Codes, Integers], Reweighed]
     weigh: Callable[[Particles], tuple[Weights, WeightSums]]
-    systematic: Callable[[Particles, Weights, int, int, int], Particles]
+    systematic: Callable[[Particles, Weights, int, int, int, Particles], Particles]
     cell_masses: Callable[[CodedCells, Integers], CellMasses]
-    draw: Callable[[CodedCells, CellMasses, Weights, Weights], Particles]
+    draw: Callable[[CodedCells, CellMasses, int, int, int], Particles]
     histogram: Callable[[Particles, Weights, float], Histogram]
     hills: Callable[[IntArray, IntArray], IntArray]
     label: Callable[[Histogram, Weights, IntArray], tuple[IntArray, int]]
@@ -115,11 +115,10 @@ def warmed() -> Backend:
     particles = chosen.propagate(particles, move, walls, 0, 1)
     particles = chosen.reweigh(particles, raster, np.zeros(9, np.uint16), nothing).particles
     weights, sums = chosen.weigh(particles)
-    chosen.systematic(particles, weights, sums.total, 0, 1)
+    chosen.systematic(particles, weights, sums.total, 0, 1, particles)
     coded = CodedCells(Grid(0.0, 0.0, 1.0, 1, 1), np.arange(2.0), *np.zeros((2, 2), np.intp))
     masses = chosen.cell_masses(coded, np.zeros(2, np.int32))
-    words = np.zeros((4, 2), np.uint32)
-    chosen.draw(coded, masses, words[:, :1], words[:, 1:])
+    chosen.draw(coded, masses, 0, 0, 1)
     found = chosen.histogram(particles, weights, 1.0)
     of_cell = chosen.hills(found.smooth, found.order)
     chosen.moments(particles, weights, *chosen.label(found, weights, of_cell), np.zeros(2))

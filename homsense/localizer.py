@@ -22,7 +22,7 @@ from homsense.free_space import FreeSpace
 from homsense.height import HeightMap
 from homsense.likelihood import CodeLikelihood, Likelihood
 from homsense.motion import measured_move
-from homsense.particles import Particles, joined
+from homsense.particles import NOBODY, Particles, joined
 from homsense.philox import Purpose
 from homsense.policy import ess_below
 from homsense.pose import Delta
@@ -30,9 +30,9 @@ from homsense.recovery import Doubt, Relocation
 from homsense.resample import SCHEMES, scaled
 from homsense.resetting import CellMasses
 from homsense.site_map import SiteMap
-from homsense.stages import chosen
+from homsense.stages import Reweighed, chosen
 from homsense.travel import Travel
-from homsense.weights import BLOCKED, UNITS_PER_BIT, bits, units
+from homsense.weights import BLOCKED, UNITS_PER_BIT, Weights, WeightSums, bits, units
 
 FloatArray = NDArray[np.float64]
 
@@ -242,9 +242,12 @@ class Localizer:
             tick,
         )
         if explained is not None and travel.length_m >= self.config.weigh_every_m:
-            particles, doubt, fresh = self._reweigh(particles, doubt, explained, travel)
+            found, doubt, fresh = self._reweigh(particles, doubt, explained, travel)
+            particles, weighed = found.particles, (found.weights, found.summed)
             travel = Travel(credit_m=0.0)
-        particles, injected = self._resample(particles, fresh, (state.seed, tick))
+        else:
+            weighed = self.backend.weigh(particles)
+        particles, injected = self._resample(particles, weighed, fresh, (state.seed, tick))
         after = LocalizerState(
             state.seed, tick, particles, travel, doubt._replace(injected=injected)
         )
@@ -287,13 +290,13 @@ class Localizer:
 
     def _reweigh(
         self, particles: Particles, doubt: Doubt, explained: FloatArray, travel: Travel
-    ) -> tuple[Particles, Doubt, _Fresh | None]:
+    ) -> tuple[Reweighed, Doubt, _Fresh | None]:
         exponent = min(1.0, travel.length_m / self.likelihood.correlation_m)
         table = units(exponent * explained)
-        weighed, gain, before, after = self.backend.reweigh(
+        found = self.backend.reweigh(
             particles, self.free_space.grid.raster, self.code_map.codes, table
         )
-        evidence = gain / UNITS_PER_BIT + bits(after) - bits(before)
+        evidence = found.gain / UNITS_PER_BIT + bits(found.summed.total) - bits(found.before)
         masses = self.backend.cell_masses(self.code_map.coded_cells, table)
         advantage = evidence - masses.evidence_bits
         rule = self.config.recovery
@@ -301,38 +304,39 @@ class Localizer:
             doubt._replace(evidence_bits=evidence, advantage_bits=advantage), exponent
         )
         if rule is None:
-            return weighed, doubt, None
+            return found, doubt, None
         if not rule.draws_from_measurement:
             masses = self.backend.cell_masses(self.code_map.coded_cells, np.zeros_like(table))
-        return weighed, doubt, _Fresh(masses, share)
+        return found, doubt, _Fresh(masses, share)
 
     def _resample(
-        self, particles: Particles, fresh: _Fresh | None, key: tuple[int, int]
+        self,
+        particles: Particles,
+        weighed: tuple[Weights, WeightSums],
+        fresh: _Fresh | None,
+        key: tuple[int, int],
     ) -> tuple[Particles, int]:
         """Return the particles to go on with, and how many of them are drawn anew."""
-        random_words, adaptive = self.backend.random_words, self.config.adaptive
-        weights, sums = self.backend.weigh(particles)
-        high, low, spare, _ = random_words(*key, Purpose.RESAMPLING, 1)[:, 0].tolist()
+        (weights, sums), backend, adaptive = weighed, self.backend, self.config.adaptive
+        high, low, spare, _ = backend.random_words(*key, Purpose.RESAMPLING, 1)[:, 0].tolist()
         injected = 0 if fresh is None else _rounded(fresh.share * particles.size, spare)
         if not injected and not self._is_due(sums):
             return particles, 0
         count = particles.size if adaptive is None else adaptive.count(particles, weights)
         injected = min(injected, count - 1)
+        joining = NOBODY
+        if fresh is not None and injected:
+            joining = backend.draw(self.code_map.coded_cells, fresh.masses, *key, injected)
         if self.config.scheme == "systematic":
             offset = scaled(high, low, sums.total)
-            kept = self.backend.systematic(
-                particles, weights, sums.total, offset, count - injected
+            kept = count - injected
+            return (
+                backend.systematic(particles, weights, sums.total, offset, kept, joining),
+                injected,
             )
-        else:
-            words = random_words(*key, Purpose.RESAMPLING, count)
-            scheme = SCHEMES[self.config.scheme]
-            kept = chosen(particles, scheme(weights, words, count - injected))
-        if fresh is None or not injected:
-            return kept, 0
-        words = random_words(*key, Purpose.RELOCATION, 2 * injected)
-        which, place = words[:, :injected], words[:, injected:]
-        drawn = self.backend.draw(self.code_map.coded_cells, fresh.masses, which, place)
-        return joined([kept, drawn]), injected
+        words = backend.random_words(*key, Purpose.RESAMPLING, count)
+        ancestors = SCHEMES[self.config.scheme](weights, words, count - injected)
+        return joined([chosen(particles, ancestors), joining]), injected
 
 
 def _rounded(number: float, word: int) -> int:

@@ -53,6 +53,10 @@ class Particles(NamedTuple):
         return digest.hexdigest()[:16]
 
 
+_NOTHING = np.zeros(0, np.float32)
+NOBODY = Particles(_NOTHING, _NOTHING, _NOTHING, np.zeros(0, np.int32))
+
+
 def joined(parts: Sequence[Particles]) -> Particles:
     """Return particles as one set, in order.
 

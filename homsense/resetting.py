@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from homsense.exact import HALF
 from homsense.grid import Grid
 from homsense.particles import Particles
+from homsense.philox import Purpose, random_words
 from homsense.weights import UNITS_PER_BIT, bits, linear
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 Integers = NDArray[np.int32]
-Words = NDArray[np.uint32]
 
 WORD = 2.0**-32
 
@@ -98,7 +98,7 @@ def evidence_bits(coded: CodedCells, total: float, best: int) -> float:
     return best / UNITS_PER_BIT + bits(total / len(coded.cells))
 
 
-def draw(coded: CodedCells, masses: CellMasses, which: Words, place: Words) -> Particles:
+def draw(coded: CodedCells, masses: CellMasses, seed: int, tick: int, count: int) -> Particles:
     """Draw poses from p(x | z): a code by its mass, then one of its cells.
 
     Parameters
@@ -107,14 +107,18 @@ def draw(coded: CodedCells, masses: CellMasses, which: Words, place: Words) -> P
         The cells.
     masses : CellMasses
         Of the measurement.
-    which, place : ndarray, shape (4, N), uint32
-        Random bits.
+    seed, tick : int
+        Key of the random numbers, in [0, 2**64).
+    count : int
+        How many.
 
     Returns
     -------
     Particles
         Of equal weight and any heading.
     """
+    words = random_words(seed, tick, Purpose.RELOCATION, 2 * count)
+    which, place = words[:, :count], words[:, count:]
     reached = np.cumsum(masses.of_code)
     code = np.searchsorted(reached, which[0] * (WORD * reached[-1]), side="right")
     nth = (which[1] * (WORD * coded.sizes[code])).astype(np.int64)

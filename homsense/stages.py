@@ -195,16 +195,21 @@ class Reweighed(NamedTuple):
     ----------
     particles : Particles
         With the best log-weight at 0.
+    weights : ndarray, shape (N,), uint32
+        At most 2**20.
+    summed : WeightSums
+        Of these weights.
     gain : int
         What the log-weights were lowered by so that the best is 0.
-    before, after : int
-        Sums of the weights.
+    before : int
+        Sum of the weights before.
     """
 
     particles: Particles
+    weights: Weights
+    summed: WeightSums
     gain: int
     before: int
-    after: int
 
 
 def reweigh(particles: Particles, raster: Raster, codes: Codes, table: Integers) -> Reweighed:
@@ -226,16 +231,11 @@ def reweigh(particles: Particles, raster: Raster, codes: Codes, table: Integers)
     Reweighed
         The particles, and what their evidence can be computed from.
     """
-    before = _total(particles.log_weight)
+    before = int(linear(particles.log_weight).sum(dtype=np.uint64))
     gained = particles.log_weight + table[codes[cells_at(raster, particles.x_m, particles.y_m)]]
     best = gained.max()
-    log_weight = np.maximum(gained - best, LOWEST)
-    after = _total(log_weight)
-    return Reweighed(particles._replace(log_weight=log_weight), int(best), before, after)
-
-
-def _total(log_weight: Integers) -> int:
-    return int(linear(log_weight).sum(dtype=np.uint64))
+    weighed = particles._replace(log_weight=np.maximum(gained - best, LOWEST))
+    return Reweighed(weighed, *weigh(weighed), int(best), before)
 
 
 def weigh(particles: Particles) -> tuple[Weights, WeightSums]:
@@ -258,7 +258,7 @@ def weigh(particles: Particles) -> tuple[Weights, WeightSums]:
 
 
 def systematic(
-    particles: Particles, weights: Weights, total: int, offset: int, count: int
+    particles: Particles, weights: Weights, total: int, offset: int, count: int, fresh: Particles
 ) -> Particles:
     """Draw particles with one random offset and equal strides.
 
@@ -274,14 +274,17 @@ def systematic(
         Random, in [0, total).
     count : int
         How many to draw, in [1, 2**20].
+    fresh : Particles
+        Who joins them.
 
     Returns
     -------
     Particles
-        In the same order, of equal weight; each occurs as often as its share of `count` says,
-        rounded down or up.
+        The drawn ones in the same order, then the fresh ones, of equal weight; each is drawn as
+        often as its share of `count` says, rounded down or up.
     """
-    return chosen(particles, strides(weights, total, offset, count))
+    kept = chosen(particles, strides(weights, total, offset, count))
+    return joined([kept, fresh]) if fresh.size else kept
 
 
 def chosen(particles: Particles, ancestors: IntArray) -> Particles:

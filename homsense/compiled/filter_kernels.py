@@ -99,8 +99,16 @@ def reweigh(particles: Particles, raster: Raster, codes: Codes, table: Integers)
     Reweighed
         As `homsense.stages.reweigh` gives it.
     """
-    log_weight, *summed = _reweigh(tuple(particles), tuple(raster), codes, table)
-    return Reweighed(Particles(*particles[:3], log_weight), *map(int, summed))
+    log_weight, weights, total, squares, gain, before = _reweigh(
+        tuple(particles), tuple(raster), codes, table
+    )
+    return Reweighed(
+        Particles(*particles[:3], log_weight),
+        weights,
+        WeightSums(len(weights), int(total), int(squares)),
+        int(gain),
+        int(before),
+    )
 
 
 def weigh(particles: Particles) -> tuple[Weights, WeightSums]:
@@ -123,7 +131,7 @@ def weigh(particles: Particles) -> tuple[Weights, WeightSums]:
 
 
 def systematic(
-    particles: Particles, weights: Weights, total: int, offset: int, count: int
+    particles: Particles, weights: Weights, total: int, offset: int, count: int, fresh: Particles
 ) -> Particles:
     """Draw particles with one random offset and equal strides.
 
@@ -139,13 +147,16 @@ def systematic(
         Random, in [0, total).
     count : int
         How many to draw.
+    fresh : Particles
+        Who joins them.
 
     Returns
     -------
     Particles
         As `homsense.stages.systematic` gives them.
     """
-    return Particles(*_systematic(tuple(particles), weights, total, offset, count))
+    drawn = _systematic(tuple(particles), weights, total, offset, count, tuple(fresh))
+    return Particles(*drawn)
 
 
 def cell_masses(coded: CodedCells, table: Integers) -> CellMasses:
@@ -167,7 +178,7 @@ def cell_masses(coded: CodedCells, table: Integers) -> CellMasses:
     return CellMasses(of_code, evidence_bits(coded, total, int(best)))
 
 
-def draw(coded: CodedCells, masses: CellMasses, which: Weights, place: Weights) -> Particles:
+def draw(coded: CodedCells, masses: CellMasses, seed: int, tick: int, count: int) -> Particles:
     """Draw poses from p(x | z).
 
     Parameters
@@ -176,8 +187,10 @@ def draw(coded: CodedCells, masses: CellMasses, which: Weights, place: Weights) 
         The cells.
     masses : CellMasses
         Of the measurement.
-    which, place : ndarray, shape (4, N), uint32
-        Random bits.
+    seed, tick : int
+        Key of the random numbers.
+    count : int
+        How many.
 
     Returns
     -------
@@ -186,7 +199,8 @@ def draw(coded: CodedCells, masses: CellMasses, which: Weights, place: Weights) 
     """
     grid, *by_code = coded
     corner = float(grid.west_m), float(grid.south_m), float(grid.cell_m), grid.columns
-    return Particles(*_draw(*by_code, masses.of_code, corner, which, place))
+    key = np.uint64(seed), np.uint64(tick)
+    return Particles(*_draw(*by_code, masses.of_code, corner, key, count))
 
 
 def histogram(particles: Particles, weights: Weights, cell_m: float) -> Histogram:
@@ -299,17 +313,18 @@ def _outermost(fingerprint: str) -> tuple[Callable[..., Any], ...]:
         fingerprint  # noqa: B018
         return stages.weigh(log_weight)
 
-    def systematic(particles, weights, total, offset, count):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    def systematic(particles, weights, total, offset, count, fresh):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
         fingerprint  # noqa: B018
-        return stages.systematic(Particles(*particles), weights, total, offset, count)
+        joining = Particles(*fresh)
+        return stages.systematic(Particles(*particles), weights, total, offset, count, joining)
 
     def cell_masses(sizes, table):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
         fingerprint  # noqa: B018
         return resetting.cell_masses(sizes, table)
 
-    def draw(sizes, cells, starts, of_code, grid, which, place):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    def draw(sizes, cells, starts, of_code, grid, key, count):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
         fingerprint  # noqa: B018
-        return resetting.draw(sizes, cells, starts, of_code, grid, which, place)
+        return resetting.draw(sizes, cells, starts, of_code, grid, key, count)
 
     def histogram(particles, weights, per_m):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
         fingerprint  # noqa: B018

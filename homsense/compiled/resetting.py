@@ -6,14 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homsense import resetting
-from homsense.compiled.exact import HALF
+from homsense.compiled.exact import HALF, words
 from homsense.compiled.jit import allocating, inlined
 from homsense.compiled.stages import linear
+from homsense.philox import Purpose
 
 Array = NDArray[Any]
 
 _WORD = resetting.WORD
 _NOTHING = np.int32(0)
+_RELOCATION = int(Purpose.RELOCATION)
 
 
 @allocating
@@ -53,8 +55,8 @@ def draw(
     starts: Array,
     of_code: Array,
     grid: tuple[float, float, float, int],
-    which: Array,
-    place: Array,
+    key: tuple[int, int],
+    count: int,
 ) -> tuple[Array, Array, Array, Array]:
     """Draw poses: a code by its mass, then one of its cells.
 
@@ -66,8 +68,10 @@ def draw(
         Masses.
     grid : tuple
         West m, south m, cell m, columns.
-    which, place : ndarray, shape (4, N), uint32
-        Random bits.
+    key : tuple of uint64
+        Seed and tick.
+    count : int
+        How many.
 
     Returns
     -------
@@ -76,7 +80,8 @@ def draw(
     """
     west_m, south_m, cell_m, columns = grid
     reached = np.cumsum(of_code)
-    count = which.shape[1]
+    drawn = words(key[0], key[1], _RELOCATION, 2 * count)
+    which, place = drawn[:, :count], drawn[:, count:]
     x, y = np.empty(count, np.float32), np.empty(count, np.float32)
     turns, log_weight = np.empty(count, np.float32), np.zeros(count, np.int32)
     scale = _WORD * reached[-1]

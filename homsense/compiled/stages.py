@@ -14,7 +14,8 @@ from homsense.particles import Particles
 Array = NDArray[Any]
 
 _FRACTIONS = weights.FRACTIONS
-_LOWEST = weights.LOWEST
+_LOWEST, _BEST = weights.LOWEST, np.int32(0)
+_FULL = np.uint64(weights.FULL)
 _UNIT_BITS, _FRACTION_BITS = weights.UNIT_BITS, weights.FRACTION_BITS
 _MOST_HALVINGS = weights.MOST_HALVINGS
 
@@ -22,7 +23,7 @@ _MOST_HALVINGS = weights.MOST_HALVINGS
 @allocating
 def reweigh(
     particles: Particles, raster: Raster, codes: Array, table: Array
-) -> tuple[Array, int, int, int]:
+) -> tuple[Array, Array, int, int, int, int]:
     """Multiply each weight by the likelihood of the measurement at its place.
 
     Parameters
@@ -40,17 +41,23 @@ def reweigh(
     -------
     log_weight : ndarray, int32
         The best is 0.
+    weight : ndarray, uint32
+        At most 2**20.
+    total, squares : int
+        Their sum, and that of their squares.
     gain : int
         What the best has gained.
-    before, after : int
-        Sums of the weights.
+    before : int
+        Sum of the weights before.
     """
     count = len(particles.x_m)
     log_weight, cells = np.empty(count, np.int32), np.empty(count, np.uint32)
+    weight = np.empty(count, np.uint32)
     find_cells(raster, particles.x_m, particles.y_m, cells)
     best = _gain(particles.log_weight, cells, codes, table, log_weight)
     _lower(log_weight, best)
-    return log_weight, best, _total(particles.log_weight), _total(log_weight)
+    total, squares = _sum(log_weight, weight)
+    return log_weight, weight, total, squares, best, _total(particles.log_weight)
 
 
 @apart
@@ -70,6 +77,11 @@ def _lower(log_weight: Array, best: int) -> None:
 
 @apart
 def _total(log_weight: Array) -> Any:
+    lowest = _BEST
+    for index in range(len(log_weight)):
+        lowest = min(lowest, log_weight[index])
+    if lowest == _BEST:
+        return np.uint64(len(log_weight)) * _FULL
     total = np.uint64(0)
     for index in range(len(log_weight)):
         total += np.uint64(linear(log_weight[index]))
@@ -117,7 +129,7 @@ def _sum(log_weight: Array, found: Array) -> Any:
 
 @allocating
 def systematic(
-    particles: Particles, weight: Array, total: int, offset: int, count: int
+    particles: Particles, weight: Array, total: int, offset: int, count: int, fresh: Particles
 ) -> tuple[Array, Array, Array, Array]:
     """Draw particles with one random offset and equal strides.
 
@@ -133,20 +145,24 @@ def systematic(
         Random, in [0, total).
     count : int
         How many to draw.
+    fresh : Particles
+        Who joins them.
 
     Returns
     -------
     tuple of ndarray
-        The four arrays of the drawn particles.
+        The four arrays of the drawn particles and the fresh ones.
     """
-    x, y = np.empty(count, np.float32), np.empty(count, np.float32)
-    turns, log_weight = np.empty(count, np.float32), np.zeros(count, np.int32)
+    size = count + len(fresh.x_m)
+    x, y = np.empty(size, np.float32), np.empty(size, np.float32)
+    turns, log_weight = np.empty(size, np.float32), np.zeros(size, np.int32)
+    x[count:], y[count:], turns[count:] = fresh.x_m, fresh.y_m, fresh.turns
     reached, until = np.empty(len(weight), np.int64), np.empty(len(weight), np.uint32)
     ancestors = np.zeros(count + 1, np.uint32)
     _stride(weight, offset, count, reached)
     _divide(reached, total, until)
     _settle(until, ancestors)
-    _copy(particles, ancestors, x, y, turns)
+    _copy(particles, ancestors[:count], x, y, turns)
     return x, y, turns, log_weight
 
 
@@ -183,7 +199,7 @@ def _settle(until: Array, ancestors: Array) -> None:
 @apart
 def _copy(particles: Particles, ancestors: Array, x: Array, y: Array, turns: Array) -> None:
     last = np.uint32(0)
-    for place in range(len(x)):
+    for place in range(len(ancestors)):
         last = max(last, ancestors[place])
         x[place] = particles.x_m[last]
         y[place] = particles.y_m[last]

@@ -170,7 +170,9 @@ def test_adding_a_constant_to_log_weights_changes_nothing(
     for backend in BACKENDS:
         found = backend.reweigh(particles, FREE.grid.raster, codes, table)
         assert np.array_equal(found.particles.log_weight, log_weight)
-        assert (found.gain, found.before) == (constant, found.after)
+        assert (found.gain, found.before) == (constant, found.summed.total)
+        weights, summed = backend.weigh(found.particles)
+        assert (found.weights.tolist(), found.summed) == (weights.tolist(), summed)
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
@@ -204,15 +206,19 @@ def test_mean_offspring_is_the_weight(scheme: str) -> None:
 
 
 @pytest.mark.parametrize("backend", BACKENDS, ids=lambda backend: backend.name)
-@given(WEIGHTS, st.integers(1, 90), st.floats(0.0, 1.0, exclude_max=True))
-def test_a_backend_draws_as_the_scheme_does(
-    backend: Backend, weights: np.ndarray, count: int, part: float
+@given(WEIGHTS, st.integers(1, 90), st.floats(0.0, 1.0, exclude_max=True), st.integers(0, 9))
+def test_a_backend_draws_as_the_scheme_does_and_others_join(
+    backend: Backend, weights: np.ndarray, count: int, part: float, joining: int
 ) -> None:
     particles = _somewhere(2, len(weights))
+    x, y, turns, _ = _somewhere(3, 9)
+    fresh = Particles(x[:joining], y[:joining], turns[:joining], np.zeros(joining, np.int32))
     total = int(weights.sum())
-    drawn = backend.systematic(particles, weights, total, int(part * total), count)
-    same = NUMPY.systematic(particles, weights, total, int(part * total), count)
-    assert drawn.size == count
+    drawn = backend.systematic(particles, weights, total, int(part * total), count, fresh)
+    same = NUMPY.systematic(particles, weights, total, int(part * total), count, fresh)
+    assert drawn.size == count + joining
+    assert drawn.x_m[count:].tolist() == fresh.x_m.tolist()
+    assert not drawn.log_weight.any()
     assert drawn.digest() == same.digest()
 
 
@@ -313,9 +319,8 @@ def test_new_particles_come_from_the_likelihood(counts: tuple[int, int], seed: i
     localizer = Localizer(TOWN, HEIGHTS, free_space=FREE, backend=NUMPY)
     code_map = localizer.code_map
     cells, likelihood = code_map.coded_cells, CodeLikelihood(code_map, CountNoise())(counts)
-    words = [random_words(seed, 1, purpose, 5000) for purpose in (2, 6)]
     masses, *others = [b.cell_masses(cells, units(likelihood)) for b in BACKENDS]
-    drawn, *repeated = [b.draw(cells, masses, *words) for b in BACKENDS]
+    drawn, *repeated = [b.draw(cells, masses, seed, 1, 5000) for b in BACKENDS]
     for other, again in zip(others, repeated, strict=True):
         assert np.array_equal(other.of_code, masses.of_code)
         assert other.evidence_bits == masses.evidence_bits
