@@ -78,11 +78,10 @@ def shortest_cycles(simplices: Sequence[int]) -> list[ClosedWalk]:
     [(2, 1, 0)]
     """
     engine = MayerVietoris()
-    for simplex in simplices:
-        engine.add(simplex)
+    numbers = [number for number, simplex in enumerate(simplices) if engine.add(simplex)]
     points = [
-        [(point, engine.label(index, point)) for point in bits(simplex)]
-        for index, simplex in enumerate(simplices)
+        [(point, engine.label(index, point)) for point in bits(simplices[number])]
+        for index, number in enumerate(numbers)
     ]
     through: dict[int, Incidences] = {}
     for index, incidences in enumerate(points):
@@ -91,13 +90,16 @@ def shortest_cycles(simplices: Sequence[int]) -> list[ClosedWalk]:
     candidates = sorted(
         (
             walk
-            for start in range(len(simplices))
+            for start in range(len(numbers))
             if engine.is_labelled(start)
             for walk in _walks_from(start, points, through)
         ),
         key=lambda walk: (len(walk.simplices), walk.simplices),
     )
-    return _independent(candidates, engine.betti[1])
+    return [
+        ClosedWalk(tuple(numbers[index] for index in walk.simplices), walk.winding)
+        for walk in _independent(candidates, engine.betti[1])
+    ]
 
 
 def _walks_from(

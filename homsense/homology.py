@@ -50,8 +50,8 @@ class MayerVietoris:
     Examples
     --------
     >>> hollow_triangle = MayerVietoris()
-    >>> for edge in (0b011, 0b110, 0b101):
-    ...     hollow_triangle.add(edge)
+    >>> [hollow_triangle.add(simplex) for simplex in (0b011, 0b110, 0b101, 0b100)]
+    [True, True, True, False]
     >>> hollow_triangle.betti
     (1, 1)
     """
@@ -102,7 +102,7 @@ class MayerVietoris:
 
     @property
     def size(self) -> int:
-        """The number of simplices added; empty ones do not count."""
+        """The number of simplices that have got a number."""
         return len(self._simplices)
 
     @property
@@ -115,22 +115,31 @@ class MayerVietoris:
         """The number of components and of independent cycles that bound nothing."""
         return self._components, len(self._carriers)
 
-    def add(self, simplex: int) -> None:
+    def add(self, simplex: int) -> bool:
         """Add a simplex with all its faces; the empty simplex and repetitions change nothing.
 
         Parameters
         ----------
         simplex : int
             Bit mask of its points.
+
+        Returns
+        -------
+        bool
+            Whether it has got a number: one that is empty, or a face of one of the last, has not.
         """
         if not simplex:
-            return
-        index = len(self._simplices)
-        shared = simplex & self._seen
+            return False
+        index, first = len(self._simplices), 0
+        if shared := simplex & self._seen:
+            first = self._best_overlap(shared)
+            if not simplex & ~self._simplices[first]:
+                return False
         self._parent.append(index)
         self._components += 1
-        planes = self._glue(index, simplex, shared) if shared else {}
+        planes = self._glue(index, simplex, shared, first) if shared else {}
         self._append(simplex, planes, shared)
+        return True
 
     def _append(self, simplex: int, planes: Planes, shared: int) -> None:
         own = 1 << len(self._simplices)
@@ -154,10 +163,9 @@ class MayerVietoris:
             self._through[low.bit_length() - 1] |= own
             simplex ^= low
 
-    def _glue(self, index: int, simplex: int, shared: int) -> Planes:
+    def _glue(self, index: int, simplex: int, shared: int, first: int) -> Planes:
         """Return the planes of a new simplex; kill the classes that are not trivial on L."""
         planes: Planes = {}
-        first = self._best_overlap(shared)
         pieces: list[tuple[int, int]] = []
         uncovered = shared
         start = first
