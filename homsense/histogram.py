@@ -1,5 +1,6 @@
 """The position histogram of weighted particles, in whole numbers."""
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -16,7 +17,7 @@ IntArray = NDArray[np.int64]
 MAX_CELLS = 250_000
 MARGIN = 4
 """Empty cells on each side, twice what the kernel reaches: no cell with mass lies at the edge."""
-_KEY_BITS = 63
+KEY_BITS = 63
 
 
 @dataclass(frozen=True)
@@ -86,7 +87,7 @@ class Histogram:
             At least 1.
         """
         reached = self._reached
-        return int(np.searchsorted(reached, level * reached[-1])) + 1
+        return int(np.searchsorted(reached, math.ceil(level * reached[-1]))) + 1
 
     @cached_property
     def _reached(self) -> IntArray:
@@ -164,10 +165,27 @@ def heaviest_first(smooth: IntArray) -> IntArray:
     """
     heavy = np.flatnonzero(smooth > 0)
     index_bits = smooth.size.bit_length()
-    if int(smooth.max(initial=0)).bit_length() + index_bits >= _KEY_BITS:
+    if int(smooth.max(initial=0)).bit_length() + index_bits >= KEY_BITS:
         return heavy[np.argsort(-smooth[heavy], kind="stable")]
-    keys = (-smooth[heavy] << index_bits) | heavy
-    keys.sort()  # plain numbers are sorted many times faster than by their values
+    return by_keys((-smooth[heavy] << index_bits) | heavy, index_bits)
+
+
+def by_keys(keys: IntArray, index_bits: int) -> IntArray:
+    """Sort indices by keys that hold them, which is many times faster than by other numbers.
+
+    Parameters
+    ----------
+    keys : ndarray, int64
+        What to sort by, then the index; sorted in place.
+    index_bits : int
+        How many bits the index has.
+
+    Returns
+    -------
+    ndarray, int64
+        Indices.
+    """
+    keys.sort()
     return keys & ((1 << index_bits) - 1)
 
 

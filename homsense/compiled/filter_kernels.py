@@ -21,7 +21,7 @@ from homsense.compiled import (
 from homsense.compiled.jit import fingerprint, kept
 from homsense.free_space import Walls
 from homsense.grid import Raster
-from homsense.histogram import Histogram, heaviest_first
+from homsense.histogram import Histogram, by_keys, heaviest_first
 from homsense.modes import Moments
 from homsense.particles import Particles
 from homsense.resetting import CellMasses, CodedCells, evidence_bits
@@ -220,8 +220,13 @@ def histogram(particles: Particles, weights: Weights, cell_m: float) -> Histogra
     Histogram
         As `homsense.histogram.histogram` gives it.
     """
-    column, row, cells, smooth = _histogram(tuple(particles), weights, np.float32(1.0 / cell_m))
-    return Histogram(cell_m, column, row, cells, smooth, heaviest_first(smooth.ravel()))
+    column, row, cells, smooth, keys = _histogram(
+        tuple(particles), weights, np.float32(1.0 / cell_m)
+    )
+    order = (
+        by_keys(keys, smooth.size.bit_length()) if len(keys) else heaviest_first(smooth.ravel())
+    )
+    return Histogram(cell_m, column, row, cells, smooth, order)
 
 
 def hills(smooth: IntArray, order: IntArray) -> IntArray:

@@ -6,17 +6,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homsense import histogram as reference
-from homsense.compiled.jit import allocating, apart
+from homsense.compiled.jit import allocating, apart, inlined
 from homsense.particles import Particles
 
 Array = NDArray[Any]
 
-_MARGIN = reference.MARGIN
+_MARGIN, _KEY_BITS = reference.MARGIN, reference.KEY_BITS
 
 
 @allocating
-def histogram(particles: Particles, weights: Array, per_m: Any) -> tuple[int, int, Array, Array]:
-    """Return the first column and row, the cell of each particle, and the smoothed mass.
+def histogram(
+    particles: Particles, weights: Array, per_m: Any
+) -> tuple[int, int, Array, Array, Array]:
+    """Return the first cell, the cell of each particle, the smoothed mass, and what sorts it.
 
     Parameters
     ----------
@@ -35,6 +37,9 @@ def histogram(particles: Particles, weights: Array, per_m: Any) -> tuple[int, in
         Flat indices.
     smooth : ndarray, shape (rows, columns), int64
         Smoothed mass.
+    keys : ndarray, int64
+        For each cell with mass its mass, negative, then its index; empty where both together are
+        too long.
     """
     west, east, south, north = _extent(particles, per_m)
     columns, rows = east - west + 2 * _MARGIN + 1, north - south + 2 * _MARGIN + 1
@@ -44,7 +49,36 @@ def histogram(particles: Particles, weights: Array, per_m: Any) -> tuple[int, in
     _fill(particles, weights, per_m, west, south, columns, cells, mass)
     _smooth(mass, 1, smooth)
     _smooth(smooth, columns, mass)
-    return west, south, cells, mass.reshape(rows, columns)
+    keys = np.empty(size + 1, np.int64)
+    found = _key(mass, keys) if _are_short(mass) else 0
+    return west, south, cells, mass.reshape(rows, columns), keys[:found]
+
+
+@inlined
+def _index_bits(mass: Array) -> int:
+    bits = 0
+    while len(mass) >> bits:
+        bits += 1
+    return bits
+
+
+@apart
+def _are_short(mass: Array) -> bool:
+    """Tell whether a mass and an index fit into one number."""
+    heaviest = np.int64(0)
+    for cell in range(len(mass)):
+        heaviest = max(heaviest, mass[cell])
+    return heaviest >> (_KEY_BITS - 1 - _index_bits(mass)) == 0
+
+
+@apart
+def _key(mass: Array, keys: Array) -> int:
+    """Write the keys of the cells with mass, and return how many there are."""
+    found, bits = np.uint64(0), _index_bits(mass)
+    for cell in range(len(mass)):
+        keys[found] = (-mass[cell] << bits) | cell
+        found += np.uint64(mass[cell] > 0)
+    return int(found)
 
 
 @apart

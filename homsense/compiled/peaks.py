@@ -18,6 +18,7 @@ Array = NDArray[Any]
 
 _PROMINENCE, _SHARE = modes.PROMINENCE, modes.ACCURACY_SHARE
 _BINS, _MOST = modes.RADIUS_BINS, modes.MAX_MODES
+_NEIGHBORS = modes.NEIGHBORS
 
 
 @allocating
@@ -37,15 +38,16 @@ def hills(smooth: Array, order: Array) -> Array:
         For each cell of `order`, the place in `order` of the peak of its mode.
     """
     columns, late = smooth.shape[1], np.int32(len(order))
-    rank, first = np.full(smooth.size, late, np.int32), np.full(smooth.size, late, np.int32)
-    peak, reach = np.full(smooth.size, late, np.int32), np.full(smooth.size, late, np.int32)
-    meets = np.zeros(smooth.size, np.int32)
+    rank, first = np.full(smooth.size, late, np.int32), np.empty(smooth.size, np.int32)
+    peak, reach = np.empty(smooth.size, np.int32), np.empty(smooth.size, np.int32)
+    meets = np.empty(smooth.size, np.int32)  # of these, only what is of cells with mass counts
     hill, elder = np.empty(len(order), np.int64), np.arange(len(order))
     _rank(order, rank)
     _heaviest_near(columns, rank, first)
     _climb(smooth.ravel(), order, first, hill, peak, reach)
     _meet(columns, rank, peak, reach, meets)
-    _join(columns, smooth.ravel(), order, rank, peak, reach, meets, elder)
+    steps = np.array([up * columns + right for up, right in _NEIGHBORS])
+    _join(smooth.ravel(), order, peak, meets, steps, elder)
     _settle(elder, hill)
     return hill
 
@@ -99,53 +101,46 @@ def _saddles(mass: Any, peak_mass: Any) -> bool:
 
 @apart
 def _meet(columns: int, rank: Array, peak: Array, reach: Array, meets: Array) -> None:
-    """Mark the cells where two hills may join."""
+    """Mark at each cell the neighbors, in their order, across which two hills may join."""
     wide, one = np.uint64(columns), np.uint64(1)
     for shifted in range(len(rank) - 2 * columns - 2):
         cell = np.uint64(shifted) + wide + one
         south, north = cell - wide, cell + wide
         meets[cell] = (
             _may_join(rank, peak, reach, cell, south - one)
-            | _may_join(rank, peak, reach, cell, south)
-            | _may_join(rank, peak, reach, cell, south + one)
-            | _may_join(rank, peak, reach, cell, cell - one)
-            | _may_join(rank, peak, reach, cell, cell + one)
-            | _may_join(rank, peak, reach, cell, north - one)
-            | _may_join(rank, peak, reach, cell, north)
-            | _may_join(rank, peak, reach, cell, north + one)
+            | _may_join(rank, peak, reach, cell, south) << 1
+            | _may_join(rank, peak, reach, cell, south + one) << 2
+            | _may_join(rank, peak, reach, cell, cell - one) << 3
+            | _may_join(rank, peak, reach, cell, cell + one) << 4
+            | _may_join(rank, peak, reach, cell, north - one) << 5
+            | _may_join(rank, peak, reach, cell, north) << 6
+            | _may_join(rank, peak, reach, cell, north + one) << 7
         )
 
 
 @inlined
 def _may_join(rank: Array, peak: Array, reach: Array, cell: Any, near: Any) -> Any:
     high = max(reach[cell], reach[near]) > rank[cell]
-    return (rank[near] < rank[cell]) & (peak[near] != peak[cell]) & high
+    return np.int32((rank[near] < rank[cell]) & (peak[near] != peak[cell]) & high)
 
 
 @apart
 def _join(
-    columns: int,
-    smooth: Array,
-    order: Array,
-    rank: Array,
-    peak: Array,
-    reach: Array,
-    meets: Array,
-    elder: Array,
+    smooth: Array, order: Array, peak: Array, meets: Array, steps: Array, elder: Array
 ) -> None:
     """Join hills at their saddles, the highest first."""
     for place in range(len(order)):
         cell = order[place]
-        if not meets[np.uint64(cell)]:
+        sides = meets[np.uint64(cell)]
+        if not sides:
             continue
-        for up in (-1, 0, 1):
-            for right in (-1, 0, 1):
-                near = np.uint64(cell + up * columns + right)
-                if _may_join(rank, peak, reach, np.uint64(cell), near):
-                    low, high = _root(elder, peak[cell]), _root(elder, peak[near])
-                    low, high = min(low, high), max(low, high)
-                    if low != high and _saddles(smooth[cell], smooth[order[high]]):
-                        elder[high] = low
+        for side in range(len(steps)):
+            if sides >> side & 1:
+                near = np.uint64(cell + steps[side])
+                low, high = _root(elder, peak[np.uint64(cell)]), _root(elder, peak[near])
+                low, high = min(low, high), max(low, high)
+                if low != high and _saddles(smooth[cell], smooth[order[high]]):
+                    elder[high] = low
 
 
 @apart

@@ -27,7 +27,7 @@ from homsense import (
     exact,
 )
 from homsense.backend import NUMPY, Backend, compiled
-from homsense.histogram import heaviest_first
+from homsense.histogram import KEY_BITS, heaviest_first
 from homsense.likelihood import CodeLikelihood
 from homsense.modes import MAX_MODES
 from homsense.motion import measured_move
@@ -306,6 +306,19 @@ def test_the_heaviest_cells_come_first_and_of_equals_the_first(
     assert heaviest_first(smooth * unit).tolist() == sorted(
         np.flatnonzero(mass), key=lambda cell: (-mass[cell], cell)
     )
+
+
+def test_masses_too_large_to_be_sorted_with_their_index_are_sorted_all_the_same() -> None:
+    x = np.where(np.arange(2**20) < 2**20 - 1, 1.0, 1900.0).astype(np.float32)
+    particles = Particles(x, x, x, np.zeros(len(x), np.int32))
+    weights = np.full(len(x), FULL, np.uint32)
+    found = [backend.histogram(particles, weights, 4.0) for backend in BACKENDS]
+    for one in found:
+        assert int(one.smooth.max()).bit_length() + one.smooth.size.bit_length() > KEY_BITS
+        assert np.array_equal(one.order, found[0].order)
+        assert one.smooth.ravel()[one.order].tolist() == sorted(
+            one.smooth[one.smooth > 0].tolist(), reverse=True
+        )
 
 
 @given(FINITE, FINITE, FINITE)
