@@ -1,9 +1,16 @@
-"""The 1-skeleton of a landmark complex as a graph."""
+"""The 1-skeleton of a landmark complex as a graph.
 
-import networkx as nx
+networkx is loaded when it is needed: that takes as long as to load all of `homsense`.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
 
 from homsense.neighborhood import hop_order
 from homsense.simplicial import LandmarkComplex
+
+if TYPE_CHECKING:
+    import networkx as nx
 
 
 def skeleton(landmark_complex: LandmarkComplex) -> "nx.Graph[str]":
@@ -24,7 +31,7 @@ def skeleton(landmark_complex: LandmarkComplex) -> "nx.Graph[str]":
     >>> skeleton(LandmarkComplex.from_observations([{"a", "b", "c"}])).number_of_edges()
     3
     """
-    graph: nx.Graph[str] = nx.Graph()
+    graph: nx.Graph[str] = import_module("networkx").Graph()
     landmarks = sorted(landmark_complex.landmarks)
     graph.add_nodes_from(landmarks)
     for landmark in landmarks:

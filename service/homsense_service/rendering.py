@@ -2,9 +2,9 @@
 
 import io
 import math
+from importlib import import_module
 from typing import Any
 
-import networkx as nx
 import numpy as np
 from PIL import Image
 
@@ -104,7 +104,7 @@ def render_hif(grown: homsense.LandmarkComplex) -> dict[str, Any]:
 
 def render_node_link(grown: homsense.LandmarkComplex) -> dict[str, Any]:
     """Return the 1-skeleton as node-link data."""
-    data: dict[str, Any] = nx.node_link_data(skeleton(grown), edges="edges")
+    data: dict[str, Any] = import_module("networkx").node_link_data(skeleton(grown), edges="edges")
     return data
 
 
