@@ -13,7 +13,6 @@ from homsense.histogram import Histogram, fitting_cell_m
 from homsense.modes import Mode, modes
 from homsense.particles import Particles
 from homsense.recovery import Doubt
-from homsense.resample import strides
 from homsense.weights import Weights, WeightSums, units
 
 BoolArray = NDArray[np.bool_]
@@ -210,7 +209,9 @@ class PoseDistribution:
             Systematic sample; a heavy particle may occur more than once.
         """
         weights, sums = self._weighed
-        return strides(weights, sums.total, sums.total // 2, count)
+        places = np.arange(count) * sums.total + sums.total // 2
+        reached = np.cumsum(weights, dtype=np.int64) * count
+        return np.searchsorted(reached, places, side="right")
 
     @cached_property
     def _weighed(self) -> tuple[Weights, WeightSums]:

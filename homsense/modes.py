@@ -228,22 +228,15 @@ def modes(found: Moments, corner: tuple[float, float]) -> tuple[Mode, ...]:
     tuple of Mode
         All but the rest.
     """
-    total = float(found.sums[:, 0].sum())
-    each = zip(found.sums[:-1].tolist(), found.accuracy_m[:-1].tolist(), strict=True)
-    return tuple(_mode(sums, accuracy_m, total, corner) for sums, accuracy_m in each)
-
-
-def _mode(sums: list[float], accuracy_m: float, total: float, corner: tuple[float, float]) -> Mode:
-    mass = sums[0]
-    x, y, xx, xy, yy, cos, sin = (term / mass for term in sums[1:])
-    across = xy - x * y
-    covariance = np.array([[max(xx - x * x, 0.0), across], [across, max(yy - y * y, 0.0)]])
-    return Mode(
-        mass / total,
-        x + corner[0],
-        y + corner[1],
-        covariance,
-        math.atan2(sin, cos),
-        min(1.0, math.hypot(sin, cos)),
-        accuracy_m,
-    )
+    mass = found.sums[:-1, 0]
+    x, y, xx, xy, yy, cos, sin = (found.sums[:-1, 1:] / mass[:, None]).T
+    covariance = np.empty((len(mass), 2, 2))
+    covariance[:, 0, 0] = np.maximum(xx - x * x, 0.0)
+    covariance[:, 1, 1] = np.maximum(yy - y * y, 0.0)
+    covariance[:, 0, 1] = covariance[:, 1, 0] = xy - x * y
+    weight, (west_m, south_m) = mass / found.sums[:, 0].sum(), corner
+    heading_rad = map(math.atan2, sin.tolist(), cos.tolist())
+    resultant = np.minimum(np.sqrt(sin * sin + cos * cos), 1.0)
+    middle = (x + west_m).tolist(), (y + south_m).tolist()
+    spread = resultant.tolist(), found.accuracy_m[:-1].tolist()
+    return tuple(map(Mode, weight.tolist(), *middle, covariance, heading_rad, *spread))

@@ -32,7 +32,7 @@ from homsense.likelihood import CodeLikelihood
 from homsense.modes import MAX_MODES
 from homsense.motion import measured_move
 from homsense.philox import random_words
-from homsense.resample import SCHEMES
+from homsense.resample import SCHEMES, strides
 from homsense.stages import cells_at
 from homsense.weights import FULL, linear, sums, units
 
@@ -173,6 +173,14 @@ def test_adding_a_constant_to_log_weights_changes_nothing(
         assert (found.gain, found.before) == (constant, found.summed.total)
         weights, summed = backend.weigh(found.particles)
         assert (found.weights.tolist(), found.summed) == (weights.tolist(), summed)
+
+
+@given(LOG_WEIGHTS, st.integers(1, 200))
+def test_thinned_particles_are_a_systematic_sample(log_weight: np.ndarray, count: int) -> None:
+    pose = PoseDistribution(_somewhere(1, len(log_weight))._replace(log_weight=log_weight))
+    weights, summed = linear(log_weight), sums(linear(log_weight))
+    drawn = strides(weights, summed.total, summed.total // 2, count)
+    assert pose.thinned(count).tolist() == drawn.tolist()
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
