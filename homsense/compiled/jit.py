@@ -104,4 +104,6 @@ def fingerprint(*modules: ModuleType) -> str:
                 digest.update(name.encode() + marshal.dumps(value.py_func.__code__))
             elif isinstance(value, np.ndarray | np.generic):
                 digest.update(name.encode() + value.tobytes())
+            elif isinstance(value, int | float | tuple):
+                digest.update(f"{name}={value!r}".encode())
     return digest.hexdigest()
