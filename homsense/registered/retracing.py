@@ -24,7 +24,8 @@ class Retraced(NamedTuple):
     Parameters
     ----------
     source : ndarray, shape (N,), int64
-        Which of the scans that were given, walk by walk and each in order of time.
+        Which of the scans that were given, walk by walk in the order of their names, each in order
+        of time.
     xy : ndarray, shape (N, 2), float64
         Where each was made, metres.
     """
@@ -73,12 +74,11 @@ def retrace(found: RegisteredComplex, scans: Sequence[WalkScan]) -> Retraced:
         A walk with fewer than two scans that have a place is left out.
     """
     walks: dict[str, list[int]] = defaultdict(list)
-    for number, scan in enumerate(scans):
-        walks[scan.walk].append(number)
+    for number in sorted(range(len(scans)), key=lambda n: (scans[n].walk, scans[n].t_s)):
+        walks[scans[number].walk].append(number)
     xy = np.full((len(scans), 2), np.nan)
     xy[found.source] = found.xy
     for numbers in walks.values():
-        numbers.sort(key=lambda number: scans[number].t_s)
         xy[numbers] = _retraced(xy[numbers], [scans[number] for number in numbers])
     source = np.array([number for numbers in walks.values() for number in numbers], np.int64)
     source = source[np.isfinite(xy[source]).all(axis=1)]

@@ -64,6 +64,19 @@ def test_the_order_in_which_scans_come_does_not_matter(
     assert np.allclose(again, xy, atol=1e-9)
 
 
+@given(places, places, chosen, st.permutations(range(2 * SCANS)))
+def test_the_order_in_which_walks_come_does_not_matter(
+    own: Places, there: Places, known: list[int], order: list[int]
+) -> None:
+    scans = [*walk(own, "bob"), *walk(own[::-1], "ann")]
+    place = dict(zip([*known, *(SCANS + n for n in known)], [*there, *there], strict=False))
+    found = retrace(complex_of(list(place), list(place.values())), scans)
+    mixed = complex_of([order.index(number) for number in place], list(place.values()))
+    again = retrace(mixed, [scans[number] for number in order])
+    assert [order[number] for number in again.source] == found.source.tolist()
+    assert np.array_equal(again.xy, found.xy)
+
+
 def test_drift_changes_linearly_between_places_that_are_known() -> None:
     own = [complex(10.0 * number) for number in range(5)]
     found = complex_of([0, 4], [0.0 + 0.0j, 48.0 + 0.0j])
