@@ -330,10 +330,8 @@ class Localizer:
         if self.config.scheme == "systematic":
             offset = scaled(high, low, sums.total)
             kept = count - injected
-            return (
-                backend.systematic(particles, weights, sums.total, offset, kept, joining),
-                injected,
-            )
+            drawn = backend.systematic(particles, weights, sums.total, offset, kept, joining)
+            return drawn, injected
         words = backend.random_words(*key, Purpose.RESAMPLING, count)
         ancestors = SCHEMES[self.config.scheme](weights, words, count - injected)
         return joined([chosen(particles, ancestors), joining]), injected
