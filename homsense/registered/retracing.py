@@ -1,8 +1,8 @@
 """Scans that heard too little to be placed, carried along by the motion of their walk."""
 
 import math
-from collections import defaultdict
 from collections.abc import Sequence
+from itertools import groupby
 from typing import NamedTuple
 
 import numpy as np
@@ -73,14 +73,13 @@ def retrace(found: RegisteredComplex, scans: Sequence[WalkScan]) -> Retraced:
         has measured, turned as its walk is, and less the drift, which changes linearly over time.
         A walk with fewer than two scans that have a place is left out.
     """
-    walks: dict[str, list[int]] = defaultdict(list)
-    for number in sorted(range(len(scans)), key=lambda n: (scans[n].walk, scans[n].t_s)):
-        walks[scans[number].walk].append(number)
+    order = sorted(range(len(scans)), key=lambda number: (scans[number].walk, scans[number].t_s))
     xy = np.full((len(scans), 2), np.nan)
     xy[found.source] = found.xy
-    for numbers in walks.values():
+    for _, walk in groupby(order, key=lambda number: scans[number].walk):
+        numbers = list(walk)
         xy[numbers] = _retraced(xy[numbers], [scans[number] for number in numbers])
-    source = np.array([number for numbers in walks.values() for number in numbers], np.int64)
+    source = np.array(order, np.int64)
     source = source[np.isfinite(xy[source]).all(axis=1)]
     return Retraced(source, xy[source])
 
