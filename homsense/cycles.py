@@ -78,7 +78,11 @@ def shortest_cycles(simplices: Sequence[int]) -> list[ClosedWalk]:
     [(2, 1, 0)]
     """
     engine = MayerVietoris()
-    numbers = [number for number, simplex in enumerate(simplices) if engine.add(simplex)]
+    numbers = [
+        number
+        for number, simplex in enumerate(simplices)
+        if engine.add(simplex, bits(simplex))
+    ]
     points = [
         [(point, engine.label(index, point)) for point in bits(simplices[number])]
         for index, number in enumerate(numbers)

@@ -86,16 +86,16 @@ def history(rows: Ragged, ends: Sequence[int]) -> History:
     ([(0, 0), (1, 0), (1, 1), (1, 0)], 0)
     """
     growing = MayerVietoris()
-    masks = bit_masks(rows)
+    simplices = zip(bit_masks(rows), rows.lists(), strict=True)
     met: set[int] = set()
     components: list[int] = []
     sizes: list[int] = []
     bars = [[0] * len(ends) for _ in ends]
     for at, end in enumerate(ends):
-        for simplex in islice(masks, end - (ends[at - 1] if at else 0)):
+        for simplex, points in islice(simplices, end - (ends[at - 1] if at else 0)):
             if simplex not in met:  # twins are the same row
                 met.add(simplex)
-                growing.add(simplex)
+                growing.add(simplex, points)
         sizes.append(growing.size)
         components.append(growing.betti[0])
         for birth in growing.births:

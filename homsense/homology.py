@@ -12,7 +12,7 @@ planes differ by a constant. Adding F glues it along L = F n K (Mayer-Vietoris):
   youngest generator in it (the elder rule).
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 Planes = dict[int, int]
 """Generator -> points of one simplex where its potential is 1; constant planes are left out."""
@@ -50,7 +50,8 @@ class MayerVietoris:
     Examples
     --------
     >>> hollow_triangle = MayerVietoris()
-    >>> [hollow_triangle.add(simplex) for simplex in (0b011, 0b110, 0b101, 0b100)]
+    >>> edges_and_a_point = [0, 1], [1, 2], [0, 2], [2]
+    >>> [hollow_triangle.add(sum(1 << p for p in face), face) for face in edges_and_a_point]
     [True, True, True, False]
     >>> hollow_triangle.betti
     (1, 1)
@@ -115,13 +116,15 @@ class MayerVietoris:
         """The number of components and of independent cycles that bound nothing."""
         return self._components, len(self._carriers)
 
-    def add(self, simplex: int) -> bool:
+    def add(self, simplex: int, points: Iterable[int]) -> bool:
         """Add a simplex with all its faces; the empty simplex and repetitions change nothing.
 
         Parameters
         ----------
         simplex : int
             Bit mask of its points.
+        points : iterable of int
+            The same as numbers.
 
         Returns
         -------
@@ -138,10 +141,14 @@ class MayerVietoris:
         self._parent.append(index)
         self._components += 1
         planes = self._glue(index, simplex, shared, first) if shared else {}
-        self._append(simplex, planes, shared)
+        self._keep(simplex, planes, shared)
+        own = 1 << index
+        self._through.extend([0] * (simplex.bit_length() - len(self._through)))
+        for point in points:
+            self._through[point] |= own
         return True
 
-    def _append(self, simplex: int, planes: Planes, shared: int) -> None:
+    def _keep(self, simplex: int, planes: Planes, shared: int) -> None:
         own = 1 << len(self._simplices)
         kept = {
             generator: plane | (simplex & ~shared) if _is_most(plane, shared) else plane
@@ -157,11 +164,6 @@ class MayerVietoris:
         self._simplices.append(simplex)
         self._planes.append(kept)
         self._seen |= simplex
-        self._through.extend([0] * (simplex.bit_length() - len(self._through)))
-        while simplex:
-            low = simplex & -simplex
-            self._through[low.bit_length() - 1] |= own
-            simplex ^= low
 
     def _glue(self, index: int, simplex: int, shared: int, first: int) -> Planes:
         """Return the planes of a new simplex; kill the classes that are not trivial on L."""
@@ -229,16 +231,23 @@ class MayerVietoris:
             planes[generator] = own | ((other & fresh) ^ constant)
 
     def _check(self, simplex: int, outside: int, planes: Planes) -> None:
-        """Compare with every simplex that meets the new one outside its first overlap."""
+        """Compare with every simplex that meets the new one outside its first overlap.
+
+        Where two meet within what a third shared and agreed on, they agree: it did with both.
+        """
         candidates = _union(self._through, outside)
         if not any(planes.values()):
             candidates &= self._labelled
-        for neighbor in bits(candidates):
+        beyond = simplex
+        for neighbor in _latest_first(candidates):
             meeting = self._simplices[neighbor] & simplex
+            if not meeting & beyond:
+                continue
             others = self._planes[neighbor]
             while not _agree(planes, others, meeting):
                 relation = _difference(planes, others, meeting)
                 self._kill(max(relation), relation, planes)
+            beyond = simplex & ~meeting
 
     def _kill(self, youngest: int, relation: set[int], current: Planes) -> None:
         """Remove a generator and substitute it wherever it labels a simplex."""

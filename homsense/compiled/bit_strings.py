@@ -68,6 +68,14 @@ def lowest_member(place: int, word: Any) -> Any:
 
 
 @inlined
+def highest_bit(word: Any) -> Any:
+    """Return a word that is not zero with its highest set bit only."""
+    for shift in (1, 2, 4, 8, 16, 32):
+        word |= word >> np.uint64(shift)
+    return word ^ (word >> ONE)
+
+
+@inlined
 def word_of(strings: BitStrings, at: int, place: int) -> Any:
     """Return one word of a string that begins at ``at`` and has it."""
     return strings.words[np.uint64(at + place)]

@@ -8,6 +8,7 @@ from homsense.compiled.bit_strings import (
     BitStrings,
     Ints,
     count_bits,
+    highest_bit,
     lowest_bit,
     lowest_member,
     without_lowest,
@@ -149,11 +150,12 @@ def _grow_piece(glue: Glue, labels: Labels, rows: BitStrings, through: BitString
                 left = without_lowest(left)
                 at = through.at[point]
                 met = NONE
-                for word in range(through.low[point], through.high[point]):
+                for word in range(through.high[point] - 1, through.low[point] - 1, -1):
                     others = word_of(through, at, word) & glue.added[word]
                     while others and met == NONE:
-                        other = lowest_member(word, others)
-                        others = without_lowest(others)
+                        latest = highest_bit(others)
+                        other = lowest_member(word, latest)
+                        others ^= latest
                         met = _touching_point(glue, rows, other)
                     if met != NONE:
                         break
