@@ -191,8 +191,8 @@ def _carry(glue: Glue, labels: Labels, rows: BitStrings, other: int, point: int)
         glue.uncovered[place] &= ~fresh
     adopt(glue, labels, other)
     for slot in range(glue.counts[N_SLOTS]):
-        flips = ZERO - difference(glue, labels, other, slot, point)
         plane = plane_of(labels, other, glue.generator[slot])
+        flips = ZERO - difference(glue, labels, slot, plane, point)
         for index in range(glue.counts[N_MET]):
             place = glue.met[index]
             carried = flips

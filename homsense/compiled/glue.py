@@ -6,7 +6,7 @@ import numpy as np
 
 from homsense.compiled.bit_strings import NONE, ONE, ZERO, BitStrings, Ints, word_of
 from homsense.compiled.jit import allocating, inlined
-from homsense.compiled.labels import FULL, Labels, plane_of
+from homsense.compiled.labels import FULL, Labels
 
 N_SLOTS, N_PIECES, N_ACTIVE, N_MET, FIRST = 0, 1, 2, 3, 4
 
@@ -148,14 +148,13 @@ def meet(glue: Glue, rows: BitStrings, other: int) -> None:
 
 
 @inlined
-def difference(glue: Glue, labels: Labels, other: int, slot: int, point: int) -> int:
-    """Return the difference of the potentials of a generator on two rows at a shared point."""
+def difference(glue: Glue, labels: Labels, slot: int, plane: int, point: int) -> int:
+    """Return the difference of two potentials at a shared point; that of `NONE` is zero."""
     place = 0
     while glue.active[place] < point >> 6:
         place += 1
     bit = np.uint64(point & 63)
     apart = glue.planes[slot * glue.widest + place] >> bit
-    plane = plane_of(labels, other, glue.generator[slot])
     if plane != NONE:
         apart ^= labels.words[labels.at[plane] + (point >> 6)] >> bit
     return apart & ONE

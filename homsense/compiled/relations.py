@@ -130,8 +130,9 @@ def _kill(glue: Glue, labels: Labels, rows: BitStrings, row: int, other: int) ->
     origin, witness = _differing_points(glue, labels, other)
     found, youngest = 0, NONE
     for slot in range(glue.counts[N_SLOTS]):
-        if difference(glue, labels, other, slot, origin) != difference(
-            glue, labels, other, slot, witness
+        plane = plane_of(labels, other, glue.generator[slot])
+        if difference(glue, labels, slot, plane, origin) != difference(
+            glue, labels, slot, plane, witness
         ):
             glue.relation[found] = glue.generator[slot]
             youngest = max(youngest, glue.generator[slot])
@@ -158,13 +159,14 @@ def _differing_points(glue: Glue, labels: Labels, other: int) -> tuple[int, int]
     """Return two points, met by `_meet`, between which planes of two rows change differently."""
     origin = (glue.active[glue.met[0]] << 6) + lowest_bit(glue.meeting[0])
     for slot in range(glue.counts[N_SLOTS]):
+        plane = plane_of(labels, other, glue.generator[slot])
         for index in range(glue.counts[N_MET]):
             left = glue.meeting[index]
             while left:
                 point = (glue.active[glue.met[index]] << 6) + lowest_bit(left)
                 left = without_lowest(left)
-                if difference(glue, labels, other, slot, point) != difference(
-                    glue, labels, other, slot, origin
+                if difference(glue, labels, slot, plane, point) != difference(
+                    glue, labels, slot, plane, origin
                 ):
                     return origin, point
     return origin, origin
