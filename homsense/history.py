@@ -5,8 +5,8 @@ The reference; `homsense.compiled.history` counts the same.
 
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import islice
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,8 +16,7 @@ from homsense.homology import MayerVietoris
 _CHUNK = 256
 
 
-@dataclass(frozen=True, slots=True)
-class History:
+class History(NamedTuple):
     """The homology of a growing sequence of complexes: b0, and the rank invariant of H_1.
 
     Parameters

@@ -1,15 +1,16 @@
 """From a visible set to its neighborhood: hop by hop the union of the facets that meet it."""
 
+from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Sequence
 from heapq import heapify, heappop, heappush
-from itertools import islice
+from itertools import accumulate, islice
 from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from homsense.errors import InvalidComplexError
-from homsense.facet_table import FacetTable, Numbers, Offsets, Ragged, Version
+from homsense.facet_table import FacetTable, Numbers, Ragged, Version
 from homsense.history import History, history
 
 Radius = TypeVar("Radius", int, float)
@@ -22,14 +23,14 @@ class Neighborhoods(NamedTuple):
     ----------
     order : ndarray, int32
         Landmark numbers, nearest first.
-    ends : ndarray, int64
+    ends : sequence of int
         How many of them each neighborhood holds.
     homology : History
         One place for each neighborhood.
     """
 
     order: Numbers
-    ends: Offsets
+    ends: Sequence[int]
     homology: History
 
 
@@ -55,7 +56,7 @@ def sense(
         One for each radius.
     """
     order, ends = hop_order(version, seeds, radii, without)
-    return Neighborhoods(order, ends, history(dual_rows(version, order), ends.tolist()))
+    return Neighborhoods(order, ends, history(dual_rows(version, order), ends))
 
 
 def rings(version: Version, seeds: Numbers, without: Numbers | None = None) -> Iterator[Numbers]:
@@ -92,7 +93,7 @@ def rings(version: Version, seeds: Numbers, without: Numbers | None = None) -> I
 
 def hop_order(
     version: Version, seeds: Numbers, radii: Sequence[int], without: Numbers | None = None
-) -> tuple[Numbers, Offsets]:
+) -> tuple[Numbers, list[int]]:
     """Return the landmarks within some numbers of hops, nearest first.
 
     Parameters
@@ -110,12 +111,12 @@ def hop_order(
     -------
     order : ndarray, int32
         Landmark numbers.
-    ends : ndarray, shape (len(radii),), int64
+    ends : list of int
         How many of them lie within each radius.
     """
     found = list(islice(rings(version, seeds, without), radii[-1] + 1))
-    sizes = np.cumsum([0, *map(len, found)])
-    ends = sizes[np.minimum(np.asarray(radii) + 1, len(found))]
+    sizes = list(accumulate(map(len, found), initial=0))
+    ends = [sizes[min(radius + 1, len(found))] for radius in radii]
     return np.concatenate([np.empty(0, np.int32), *found]), ends
 
 
@@ -125,7 +126,7 @@ def metric_order(
     radii_m: Sequence[float],
     range_m: NDArray[np.float64],
     without: Numbers,
-) -> tuple[Numbers, Offsets]:
+) -> tuple[Numbers, list[int]]:
     """Return the landmarks within some pseudo-distances, nearest first.
 
     An edge is as long as the mean range of its two landmarks, so it is `s_max` when all ranges
@@ -149,7 +150,7 @@ def metric_order(
     -------
     order : ndarray, int32
         Landmark numbers.
-    ends : ndarray, shape (len(radii_m),), int64
+    ends : list of int
         How many of them lie within each radius.
     """
     left_out = set(without.tolist())
@@ -168,8 +169,8 @@ def metric_order(
                 distance[other] = there
                 heappush(queue, (there + float(range_m[other]) / 2, other))
     order = sorted(distance, key=lambda landmark: (distance[landmark], landmark))
-    ends = np.searchsorted([distance[landmark] for landmark in order], radii_m, "right")
-    return np.array(order, np.int32), ends
+    distances = [distance[landmark] for landmark in order]
+    return np.array(order, np.int32), [bisect_right(distances, radius) for radius in radii_m]
 
 
 def nearness_order(version: Version) -> Numbers:

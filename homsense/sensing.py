@@ -134,8 +134,7 @@ def sense_local_homology(
     [(0, 0), (1, 1)]
     """
     wanted = list(hops)
-    farther = {radius + 1 for radius in wanted} if lasting else set[int]()
-    rising = sorted(farther.union(wanted))
+    rising = sorted({*wanted, *(radius + 1 for radius in wanted if lasting)})
     found = landmark_complex.sense(visible, rising, without)
     return [
         _level(
@@ -197,7 +196,7 @@ def sense_within(
     order, ends = neighborhood.metric_order(
         landmark_complex.version, seeds, rising, ranges, left_out
     )
-    homology = landmark_complex.homology_along(order, ends.tolist())
+    homology = landmark_complex.homology_along(order, ends)
     found = Neighborhoods(order, ends, homology)
     return [
         _level(landmark_complex, found, rising.index(radius), r_pseudo_m=radius)

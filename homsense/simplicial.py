@@ -330,8 +330,8 @@ class LandmarkComplex:
             Their numbers.
         """
         known, count = self._table.numbers, self.n_landmarks
-        numbers = [known.get(name, count) for name in names]
-        return np.array([number for number in numbers if number < count], np.int32)
+        numbers = [n for name in names if (n := known.get(name, count)) < count]
+        return np.array(numbers, np.int32)
 
     def names(self, numbers: Numbers) -> frozenset[str]:
         """Return the identifiers of some landmarks.

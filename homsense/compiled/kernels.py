@@ -83,10 +83,9 @@ def sense(
     workspace = table.workspace
     if not isinstance(workspace, sensing.Workspace) or not workspace.suffices(version):
         table.workspace = workspace = sensing.Workspace.of(version)
-    order, ends, components, bars = _sense(
-        tuple(version), seeds, np.array(radii), without, tuple(workspace)
-    )
-    return Neighborhoods(order, ends, _as_history(components, bars))
+    order, found = _sense(tuple(version), seeds, np.array(radii), without, tuple(workspace))
+    ends, *homology = found.tolist()
+    return Neighborhoods(order, ends, _as_history(homology))
 
 
 def history(rows: Ragged, ends: Sequence[int]) -> History:
@@ -105,11 +104,13 @@ def history(rows: Ragged, ends: Sequence[int]) -> History:
         One place for each end.
     """
     n_points = int(rows.values.max(initial=-1)) + 1
-    return _as_history(*_history(rows.ends, rows.values, n_points, 0, np.array(ends, np.int64)))
+    found = _history(rows.ends, rows.values, n_points, 0, np.array(ends, np.int64))
+    return _as_history(found.tolist())
 
 
-def _as_history(components: Numbers, bars: Numbers) -> History:
-    return History(tuple(components.tolist()), tuple(map(tuple, bars.tolist())))
+def _as_history(found: list[list[int]]) -> History:
+    components, *bars = map(tuple, found)
+    return History(components, tuple(bars))
 
 
 def _outermost(fingerprint: str) -> tuple[Callable[..., Any], ...]:
@@ -129,7 +130,9 @@ def _outermost(fingerprint: str) -> tuple[Callable[..., Any], ...]:
 
     def history(ends, points, n_points, n_whole, stages):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
         fingerprint  # noqa: B018
-        return mayer_vietoris.history(ends, points, n_points, n_whole, stages)
+        found = np.zeros((1 + len(stages), len(stages)), np.int64)
+        mayer_vietoris.history(ends, points, n_points, n_whole, stages, found)
+        return found
 
     return kept(insert), kept(sense), kept(history)
 

@@ -20,9 +20,9 @@ _WORTH_A_COLLAPSE = 512
 
 @allocating
 def history(
-    ends: Ints, points: Ints, n_points: int, n_whole: int, stages: Ints
-) -> tuple[Ints, Ints]:
-    """Return b0 of each stage, and the classes born in stage i that live in stage j.
+    ends: Ints, points: Ints, n_points: int, n_whole: int, stages: Ints, found: Ints
+) -> None:
+    """Find b0 of each stage, and the classes born in stage i that live in stage j.
 
     Parameters
     ----------
@@ -32,13 +32,8 @@ def history(
         All points lie below the first; those below the second are known not to be dominated.
     stages : ndarray, int64
         How many rows each stage has, not falling.
-
-    Returns
-    -------
-    components : ndarray, shape (n_stages,), int64
-        b0.
-    bars : ndarray, shape (n_stages, n_stages), int64
-        As in `homsense.history.History`.
+    found : ndarray, shape (1 + n_stages, n_stages), int64
+        All 0; gets b0, and below it the bars as in `homsense.history.History`.
     """
     rows, through = both_ways(ends, points, n_points)
     if len(ends) > _WORTH_A_COLLAPSE:
@@ -46,7 +41,6 @@ def history(
     widest = 1
     for row in range(len(ends) - 1):
         widest = max(widest, rows.high[row] - rows.low[row])
-    components = np.empty(len(stages), np.int64)
     room = 32
     while True:
         labels = no_labels(len(ends) - 1, widest, room)
@@ -54,15 +48,15 @@ def history(
         seen = np.zeros((n_points >> 6) + 1, np.uint64)
         parent = np.arange(len(ends) - 1)
         last = np.empty(_RECENT, np.int64)
-        _add_rows(rows, through, labels, glue, seen, parent, last, stages, components)
+        _add_rows(rows, through, labels, glue, seen, parent, last, stages, found[0])
         if not labels.counts[FULL]:
-            return components, _bars(labels, stages)
+            _count_bars(labels, stages, found[1:])
+            return
         room *= 4
 
 
-@allocating
-def _bars(labels: Labels, stages: Ints) -> Ints:
-    bars = np.zeros((len(stages), len(stages)), np.int64)
+@apart
+def _count_bars(labels: Labels, stages: Ints, bars: Ints) -> None:
     for generator in range(labels.counts[N_GENERATORS]):
         born = 0
         while stages[born] <= labels.births[generator]:
@@ -70,7 +64,6 @@ def _bars(labels: Labels, stages: Ints) -> Ints:
         for stage in range(born, len(stages)):
             if labels.deaths[generator] >= stages[stage]:
                 bars[born, stage] += 1
-    return bars
 
 
 @apart

@@ -87,8 +87,8 @@ class Workspace(NamedTuple):
 @allocating
 def sense(
     version: Version, seeds: Ints, radii: Ints, without: Ints, workspace: Workspace
-) -> tuple[Ints, Ints, Ints, Ints]:
-    """Return the landmarks by nearness, the end of each neighborhood, and their homology.
+) -> tuple[Ints, Ints]:
+    """Return the landmarks by nearness, and the end of each neighborhood with its homology.
 
     Parameters
     ----------
@@ -107,22 +107,20 @@ def sense(
     -------
     order : ndarray, int32
         Landmark numbers.
-    ends : ndarray, int64
-        How many of them each neighborhood holds.
-    components, bars : ndarray, int64
-        As `homsense.compiled.mayer_vietoris.history` returns them.
+    found : ndarray, shape (2 + len(radii), len(radii)), int64
+        How many of them each neighborhood holds; below it what
+        `homsense.compiled.mayer_vietoris.history` finds.
     """
-    ends = np.empty(len(radii), np.int64)
+    found = np.zeros((2 + len(radii), len(radii)), np.int64)
+    ends = found[0]
     while True:
         points = np.empty(workspace.counts[1], np.int32)
         n_points, n_whole = _search(version, seeds, radii, without, workspace, ends, points)
         if n_points >= 0:
             break
         workspace.counts[1] *= 2
-    found = ends[-1]
-    order, row_ends = workspace.order[:found].copy(), workspace.row_ends[: found + 1]
-    components, bars = history(row_ends, points, n_points, n_whole, ends)
-    return order, ends, components, bars
+    history(workspace.row_ends[: ends[-1] + 1], points, n_points, n_whole, ends, found[1:])
+    return workspace.order[: ends[-1]].copy(), found
 
 
 @apart
