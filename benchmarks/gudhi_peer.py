@@ -1,6 +1,5 @@
 """GUDHI's answer to a local hole count, in its best case: edges and triangles are given to it."""
 
-import time
 from itertools import combinations
 from typing import Any
 
@@ -40,13 +39,6 @@ def betti(skeleton: tuple[Array, Array, Array]) -> tuple[int, int]:
     )
     found = [*tree.betti_numbers(), 0, 0]
     return found[0], found[1]
-
-
-def timed(skeleton: tuple[Array, Array, Array]) -> tuple[float, tuple[int, int]]:
-    """Return the CPU seconds of `betti` and its answer."""
-    started = time.thread_time()
-    answer = betti(skeleton)
-    return time.thread_time() - started, answer
 
 
 @numba.njit(cache=True)

@@ -79,9 +79,7 @@ def shortest_cycles(simplices: Sequence[int]) -> list[ClosedWalk]:
     """
     engine = MayerVietoris()
     numbers = [
-        number
-        for number, simplex in enumerate(simplices)
-        if engine.add(simplex, bits(simplex))
+        number for number, simplex in enumerate(simplices) if engine.add(simplex, bits(simplex))
     ]
     points = [
         [(point, engine.label(index, point)) for point in bits(simplices[number])]
