@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from homsense.compiled.bit_strings import ONE
 from homsense.compiled.jit import allocating, apart
 from homsense.compiled.mayer_vietoris import history
 from homsense.facet_table import Version
@@ -157,13 +158,13 @@ def _search(
                 start = version.posting_start[workspace.order[place]]
                 if size + version.postings[start] > len(points):
                     return -1, 0
-                at = start + 1
+                at = np.uint64(start + 1)
                 while version.postings[at] < n_facets:
                     facet = np.uint32(version.postings[at])
-                    at += 1
-                    if version.swallowed_by[facet] < n_facets:
-                        continue
+                    at += ONE
                     if workspace.facet_mark[facet] != query:
+                        if version.swallowed_by[facet] < n_facets:
+                            continue
                         workspace.facet_mark[facet] = query
                         workspace.facet_point[facet] = n_points
                         n_points += 1
@@ -171,12 +172,12 @@ def _search(
                             for entry in range(
                                 version.row_start[facet], version.row_start[facet + 1]
                             ):
-                                landmark = np.uint32(version.points[entry])
+                                landmark = np.uint32(version.points[np.uint64(entry)])
                                 if workspace.landmark_mark[landmark] != query:
                                     workspace.landmark_mark[landmark] = query
-                                    workspace.order[found] = landmark
+                                    workspace.order[np.uint64(found)] = landmark
                                     found += 1
-                    points[size] = workspace.facet_point[facet]
+                    points[np.uint64(size)] = workspace.facet_point[facet]
                     size += 1
                 place += 1
                 workspace.row_ends[place] = size
