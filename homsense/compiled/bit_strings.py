@@ -126,7 +126,7 @@ def _lay_out(ends: Ints, points: Ints, of_row: Ints, of_point: Ints) -> tuple[in
         if wide_rows or wide_points:
             least, most = n_points, NONE
             for entry in range(ends[row], ends[row + 1]):
-                point = np.uint32(points[entry])
+                point = np.uint32(points[np.uint64(entry)])
                 least, most = min(least, int(point)), max(most, int(point))
                 if wide_points:
                     if not of_point[3, point]:
@@ -149,6 +149,6 @@ def _fill(ends: Ints, points: Ints, rows: BitStrings, through: BitStrings) -> No
     for row in range(len(ends) - 1):
         bit, word, at = ONE << np.uint64(row & 63), row >> 6, rows.at[row]
         for entry in range(ends[row], ends[row + 1]):
-            point = np.uint32(points[entry])
+            point = np.uint32(points[np.uint64(entry)])
             rows.words[np.uint64(at + (point >> 6))] |= ONE << np.uint64(point & 63)
             through.words[np.uint64(through.at[point] + word)] |= bit

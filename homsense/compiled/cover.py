@@ -40,7 +40,7 @@ def lies_in_one(glue: Glue, rows: BitStrings, last: Ints, n_last: int) -> bool:
         Holds the overlap; gets the row, or `NONE`.
     rows : BitStrings
         All rows.
-    last : ndarray, int64
+    last : ndarray, uint32
         Rows added last, in turn.
     n_last : int
         How many have been added.
@@ -151,7 +151,7 @@ def _grow_piece(glue: Glue, labels: Labels, rows: BitStrings, through: BitString
                 at = through.at[point]
                 met = NONE
                 for word in range(through.high[point] - 1, through.low[point] - 1, -1):
-                    others = word_of(through, at, word) & glue.added[word]
+                    others = word_of(through, at, word) & glue.added[np.uint64(word)]
                     while others and met == NONE:
                         latest = highest_bit(others)
                         other = lowest_member(word, latest)
@@ -172,7 +172,7 @@ def _touching_point(glue: Glue, rows: BitStrings, other: int) -> int:
     for place in range(glue.counts[N_ACTIVE]):
         word = glue.active[place]
         if rows.low[other] <= word < rows.high[other]:
-            meeting = word_of(rows, at, word) & glue.pieces[piece + place]
+            meeting = word_of(rows, at, word) & glue.pieces[np.uint64(piece + place)]
             if meeting:
                 return int(lowest_member(word, meeting))
     return NONE
@@ -185,9 +185,10 @@ def _carry(glue: Glue, labels: Labels, rows: BitStrings, other: int, point: int)
     meet(glue, rows, other)
     for index in range(glue.counts[N_MET]):
         place = glue.met[index]
-        fresh = glue.meeting[index] & ~glue.pieces[piece + place]
+        at = np.uint64(piece + place)
+        fresh = glue.meeting[index] & ~glue.pieces[at]
         glue.meeting[index] = fresh
-        glue.pieces[piece + place] |= fresh
+        glue.pieces[at] |= fresh
         glue.uncovered[place] &= ~fresh
     adopt(glue, labels, other)
     for slot in range(glue.counts[N_SLOTS]):
@@ -198,4 +199,4 @@ def _carry(glue: Glue, labels: Labels, rows: BitStrings, other: int, point: int)
             carried = flips
             if plane != NONE:
                 carried ^= plane_word(labels, plane, glue.active[place])
-            glue.planes[slot * widest + place] |= glue.meeting[index] & carried
+            glue.planes[np.uint64(slot * widest + place)] |= glue.meeting[index] & carried

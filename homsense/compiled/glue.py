@@ -101,7 +101,7 @@ def no_glue(n_rows: int, widest: int, room: int) -> Glue:
 def slot_of(glue: Glue, generator: int) -> int:
     """Return the plane of a generator, or `NONE`."""
     for slot in range(glue.counts[N_SLOTS]):
-        if glue.generator[slot] == generator:
+        if glue.generator[np.uint64(slot)] == generator:
             return slot
     return NONE
 
@@ -116,7 +116,7 @@ def new_slot(glue: Glue, labels: Labels, generator: int) -> int:
     glue.counts[N_SLOTS] += 1
     glue.generator[slot] = generator
     for place in range(slot * glue.widest, slot * glue.widest + glue.counts[N_ACTIVE]):
-        glue.planes[place] = ZERO
+        glue.planes[np.uint64(place)] = ZERO
     return slot
 
 
@@ -125,9 +125,10 @@ def adopt(glue: Glue, labels: Labels, other: int) -> None:
     """Make sure that every generator with a plane on another row has one here."""
     plane = labels.first[other]
     while plane != NONE:
-        if slot_of(glue, labels.generator[plane]) == NONE:
-            new_slot(glue, labels, labels.generator[plane])
-        plane = labels.next_of_row[plane]
+        generator = labels.generator[np.uint64(plane)]
+        if slot_of(glue, generator) == NONE:
+            new_slot(glue, labels, generator)
+        plane = labels.next_of_row[np.uint64(plane)]
 
 
 @inlined

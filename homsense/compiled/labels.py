@@ -93,15 +93,15 @@ def no_labels(n_rows: int, widest: int, room: int) -> Labels:
 def plane_of(labels: Labels, row: int, generator: int) -> int:
     """Return the plane of a generator on a simplex, or `NONE` when it is constant there."""
     plane = labels.first[row]
-    while plane != NONE and labels.generator[plane] != generator:
-        plane = labels.next_of_row[plane]
+    while plane != NONE and labels.generator[np.uint64(plane)] != generator:
+        plane = labels.next_of_row[np.uint64(plane)]
     return plane
 
 
 @inlined
 def plane_word(labels: Labels, plane: int, word: int) -> Any:
     """Return one word of a plane that has it."""
-    return labels.words[np.uint64(labels.at[plane] + word)]
+    return labels.words[np.uint64(labels.at[np.uint64(plane)] + word)]
 
 
 @inlined

@@ -6,7 +6,7 @@ ones.
 
 import numpy as np
 
-from homsense.compiled.bit_strings import ONE, ZERO, BitStrings, Ints, both_ways
+from homsense.compiled.bit_strings import ONE, ZERO, BitStrings, Ints, both_ways, word_of
 from homsense.compiled.collapse import collapse
 from homsense.compiled.cover import cover, lies_in_one
 from homsense.compiled.glue import N_ACTIVE, N_PIECES, N_SLOTS, Glue, no_glue
@@ -47,7 +47,7 @@ def history(
         glue = no_glue(len(ends) - 1, widest, room)
         seen = np.zeros((n_points >> 6) + 1, np.uint64)
         parent = np.arange(len(ends) - 1)
-        last = np.empty(_RECENT, np.int64)
+        last = np.empty(_RECENT, np.uint32)
         _add_rows(rows, through, labels, glue, seen, parent, last, stages, found[0])
         if not labels.counts[FULL]:
             _count_bars(labels, stages, found[1:])
@@ -93,8 +93,9 @@ def _add_rows(
         if not rows.size[row]:
             continue
         n_active, fresh = 0, ZERO
-        for word in range(rows.low[row], rows.high[row]):
-            here = rows.words[rows.at[row] + word]
+        for place in range(rows.low[row], rows.high[row]):
+            word = np.uint32(place)
+            here = word_of(rows, rows.at[row], word)
             if here & seen[word]:
                 glue.active[n_active] = word
                 glue.shared[n_active] = here & seen[word]

@@ -2,6 +2,8 @@
 
 from typing import Any
 
+import numpy as np
+
 from homsense.compiled.bit_strings import (
     NONE,
     ZERO,
@@ -63,14 +65,15 @@ def check(glue: Glue, labels: Labels, rows: BitStrings, through: BitStrings, row
     for place in range(glue.counts[N_ACTIVE]):
         left, word = glue.shared[place], glue.active[place]
         if rows.low[first] <= word < rows.high[first]:
-            left &= ~rows.words[rows.at[first] + word]
+            left &= ~word_of(rows, rows.at[first], word)
         while left:
             point = lowest_member(word, left)
             left = without_lowest(left)
             glue.outside[n_outside] = point
             n_outside += 1
             low, high = min(low, through.low[point]), max(high, through.high[point])
-    for word in range(low, min(high, (row >> 6) + 1)):
+    for place in range(low, min(high, (row >> 6) + 1)):
+        word = np.uint32(place)
         others: Any = ZERO
         for index in range(n_outside):
             point = glue.outside[index]
@@ -93,11 +96,11 @@ def _agree(glue: Glue, labels: Labels, rows: BitStrings, other: int) -> bool:
             return False
     plane = labels.first[other]
     while plane != NONE:
-        if slot_of(glue, labels.generator[plane]) == NONE and not _constant(
+        if slot_of(glue, labels.generator[np.uint64(plane)]) == NONE and not _constant(
             glue, labels, rows, other, NONE, plane
         ):
             return False
-        plane = labels.next_of_row[plane]
+        plane = labels.next_of_row[np.uint64(plane)]
     return True
 
 
@@ -113,7 +116,7 @@ def _constant(
         if low <= word < high:
             apart = ZERO
             if slot != NONE:
-                apart = glue.planes[slot * glue.widest + place]
+                apart = glue.planes[np.uint64(slot * glue.widest + place)]
             if plane != NONE:
                 apart ^= plane_word(labels, plane, word)
             meeting = glue.shared[place] & word_of(rows, at, word)
