@@ -59,7 +59,7 @@ def without_lowest(word: Any) -> Any:
 
 
 @inlined
-def lowest_member(place: int, word: Any) -> Any:
+def lowest_member(place: Any, word: Any) -> Any:
     """Return the lowest member of a string in one word that is not zero.
 
     It is unsigned: numba asks of every signed index whether it counts from the end.
@@ -76,7 +76,7 @@ def highest_bit(word: Any) -> Any:
 
 
 @inlined
-def word_of(strings: BitStrings, at: int, place: int) -> Any:
+def word_of(strings: BitStrings, at: int, place: Any) -> Any:
     """Return one word of a string that begins at ``at`` and has it."""
     return strings.words[np.uint64(at + place)]
 

@@ -48,7 +48,7 @@ def _find_dominated(
         low, high = _in_all(through, point, rows, common)
         size = through.size[point]
         for word in range(low, high):
-            others = common[word]
+            others = common[np.uint64(word)]
             while others:
                 other = lowest_member(word, others)
                 others = without_lowest(others)
@@ -62,10 +62,12 @@ def _empty_needless(
     rows: BitStrings, through: BitStrings, stages: Ints, common: Ints, dominated: Ints
 ) -> None:
     for row in range(len(rows.low)):
-        rows.size[row] = 0
+        size = 0
         for word in range(rows.low[row], rows.high[row]):
-            rows.words[rows.at[row] + word] &= ~dominated[word]
-            rows.size[row] += count_bits(rows.words[rows.at[row] + word])
+            at = np.uint64(rows.at[row] + word)
+            rows.words[at] &= ~dominated[np.uint64(word)]
+            size += count_bits(rows.words[at])
+        rows.size[row] = size
     stage = 0
     for row in range(len(rows.low)):
         while stage < len(stages) and stages[stage] <= row:
@@ -74,7 +76,7 @@ def _empty_needless(
         needless = not rows.size[row]
         low, high = _in_all(rows, row, through, common)
         for word in range(low, high):
-            others = common[word]
+            others = common[np.uint64(word)]
             while others:
                 other = lowest_member(word, others)
                 others = without_lowest(others)
@@ -107,14 +109,14 @@ def _in_all(strings: BitStrings, index: int, duals: BitStrings, common: Ints) ->
                     first = False
                     low, high = duals.low[member], duals.high[member]
                     for word in range(low, high):
-                        common[word] = word_of(duals, at, word)
+                        common[np.uint64(word)] = word_of(duals, at, word)
                     continue
                 low, high = max(low, duals.low[member]), min(high, duals.high[member])
                 for word in range(low, high):
-                    common[word] &= word_of(duals, at, word)
-                while low < high and not common[low]:
+                    common[np.uint64(word)] &= word_of(duals, at, word)
+                while low < high and not common[np.uint64(low)]:
                     low += 1
-                while low < high and not common[high - 1]:
+                while low < high and not common[np.uint64(high - 1)]:
                     high -= 1
                 if high == low + 1 and low == own_word and common[low] == own:
                     return low, low
