@@ -233,7 +233,7 @@ class Localizer:
         motion.checked()
         explained = None if measurement is None else self.likelihood(measurement)
         tick, travel, fresh = state.tick + 1, state.travel.onward(motion), None
-        doubt = state.doubt._replace(injected=0)
+        doubt = state.doubt
         particles = self.backend.propagate(
             state.particles,
             measured_move(motion, self.config.motion),
