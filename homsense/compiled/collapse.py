@@ -5,11 +5,12 @@ type stays (strong collapse), at every stage at once. A row that lies in a row o
 or an earlier one adds nothing; twins are the plainest case.
 """
 
+from typing import Any
+
 import numpy as np
 
 from homsense.compiled.bit_strings import (
     ONE,
-    ZERO,
     BitStrings,
     Ints,
     count_bits,
@@ -33,34 +34,22 @@ def collapse(rows: BitStrings, through: BitStrings, n_whole: int, stages: Ints) 
     stages : ndarray, int64
         How many rows each stage has, not falling.
     """
-    n_points, n_rows = len(through.low), len(rows.low)
-    common = np.empty(max(n_points, n_rows) // 64 + 1, np.uint64)
-    dominated = np.zeros(n_points // 64 + 1, np.uint64)
-    _find_dominated(rows, through, n_whole, common, dominated)
-    _empty_needless(rows, through, stages, common, dominated)
+    dominated = np.zeros(len(through.low) // 64 + 1, np.uint64)
+    _find_dominated(rows, through, n_whole, dominated)
+    _take_out(rows, dominated)
+    _empty_needless(rows, through, stages)
 
 
 @apart
-def _find_dominated(
-    rows: BitStrings, through: BitStrings, n_whole: int, common: Ints, dominated: Ints
-) -> None:
-    for point in range(n_whole, len(through.low)):
-        low, high = _in_all(through, point, rows, common)
-        size = through.size[point]
-        for word in range(low, high):
-            others = common[np.uint64(word)]
-            while others:
-                other = lowest_member(word, others)
-                others = without_lowest(others)
-                if through.size[other] > size or other < point:
-                    dominated[point >> 6] |= ONE << np.uint64(point & 63)
-                    others = ZERO
+def _find_dominated(rows: BitStrings, through: BitStrings, n_whole: int, dominated: Ints) -> None:
+    n_points = len(through.low)
+    for point in range(n_whole, n_points):
+        if _lies_in_another(through, point, rows, n_points):
+            dominated[point >> 6] |= ONE << np.uint64(point & 63)
 
 
 @apart
-def _empty_needless(
-    rows: BitStrings, through: BitStrings, stages: Ints, common: Ints, dominated: Ints
-) -> None:
+def _take_out(rows: BitStrings, dominated: Ints) -> None:
     for row in range(len(rows.low)):
         size = 0
         for word in range(rows.low[row], rows.high[row]):
@@ -68,56 +57,55 @@ def _empty_needless(
             rows.words[at] &= ~dominated[np.uint64(word)]
             size += count_bits(rows.words[at])
         rows.size[row] = size
+
+
+@apart
+def _empty_needless(rows: BitStrings, through: BitStrings, stages: Ints) -> None:
     stage = 0
     for row in range(len(rows.low)):
         while stage < len(stages) and stages[stage] <= row:
             stage += 1
         stop = row if stage == len(stages) else stages[stage]
-        needless = not rows.size[row]
-        low, high = _in_all(rows, row, through, common)
-        for word in range(low, high):
-            others = common[np.uint64(word)]
-            while others:
-                other = lowest_member(word, others)
-                others = without_lowest(others)
-                if other < row or (row < other < stop and rows.size[other] > rows.size[row]):
-                    needless = True
-        if needless:
+        if rows.size[row] and _lies_in_another(rows, row, through, stop):
             rows.size[row] = 0
 
 
 @inlined
-def _in_all(strings: BitStrings, index: int, duals: BitStrings, common: Ints) -> tuple[int, int]:
-    """Find what lies in every dual string of a string's members; return the words to look at.
+def _lies_in_another(strings: BitStrings, index: int, duals: BitStrings, stop: int) -> bool:
+    """Tell whether a string lies in an earlier one, or in a larger one below `stop`.
 
-    One member of each word comes first, since neighbors are alike. The search stops as soon as
-    nothing but the string itself is left.
+    That one has each of its members; a member that few strings have tells of most that they do
+    not contain it.
     """
-    own, own_word = ONE << np.uint64(index & 63), index >> 6
-    low = high = 0
-    first = True
-    for sweep in range(2):
-        for place in range(strings.low[index], strings.high[index]):
-            members = word_of(strings, strings.at[index], place)
-            rest = without_lowest(members)
-            members = members ^ rest if sweep == 0 else rest
-            while members:
-                member = lowest_member(place, members)
-                members = without_lowest(members)
-                at = duals.at[member]
-                if first:
-                    first = False
-                    low, high = duals.low[member], duals.high[member]
-                    for word in range(low, high):
-                        common[np.uint64(word)] = word_of(duals, at, word)
-                    continue
-                low, high = max(low, duals.low[member]), min(high, duals.high[member])
-                for word in range(low, high):
-                    common[np.uint64(word)] &= word_of(duals, at, word)
-                while low < high and not common[np.uint64(low)]:
-                    low += 1
-                while low < high and not common[np.uint64(high - 1)]:
-                    high -= 1
-                if high == low + 1 and low == own_word and common[low] == own:
-                    return low, low
-    return low, high
+    size, at = strings.size[index], strings.at[index]
+    rarest, fewest = np.uint32(0), len(strings.low) + 1
+    for place in range(strings.low[index], strings.high[index]):
+        members = word_of(strings, at, place)
+        if members:
+            member = lowest_member(place, members)
+            if duals.size[member] < fewest:
+                rarest, fewest = member, duals.size[member]
+    for place in range(duals.low[rarest], duals.high[rarest]):
+        others = word_of(duals, duals.at[rarest], place)
+        while others:
+            other = lowest_member(place, others)
+            others = without_lowest(others)
+            is_larger = other < stop and strings.size[other] > size
+            if (other < index or is_larger) and _lies_in(strings, index, other):
+                return True
+    return False
+
+
+@inlined
+def _lies_in(strings: BitStrings, one: int, other: Any) -> bool:
+    low, high = strings.low[one], strings.high[one]
+    if (
+        strings.size[other] < strings.size[one]
+        or strings.low[other] > low
+        or strings.high[other] < high
+    ):
+        return False
+    for place in range(low, high):
+        if word_of(strings, strings.at[one], place) & ~word_of(strings, strings.at[other], place):
+            return False
+    return True
