@@ -70,7 +70,7 @@ def range_curve(
     Parameters
     ----------
     scans : iterable of sequence of Reading
-        All scans of a site.
+        Of a site.
     cuts_dbm : sequence of float, optional
         Falling cuts, dBm; by default -45, -48 and so on down to the weakest reading.
     max_age_s : float, optional
@@ -103,14 +103,14 @@ def range_curve(
     if any(later >= earlier for earlier, later in pairwise(cuts_dbm)):
         message = f"cuts must fall, not {list(cuts_dbm)}"
         raise InvalidInputError(message, "cuts_dbm")
-    seen = [
-        [visible_landmarks(scan, min_rssi_dbm=cut, max_age_s=max_age_s) for scan in heard]
-        for cut in cuts_dbm
-    ]
-    in_view = [sum(map(len, observations)) / max(1, len(heard)) for observations in seen]
-    kept = sum(size <= most_in_view for size in in_view)
-    cuts_dbm, seen = cuts_dbm[:kept], seen[:kept]
-    complexes = [LandmarkComplex.from_observations(observations, engine) for observations in seen]
+    in_view: list[float] = []
+    complexes: list[LandmarkComplex] = []
+    for cut in cuts_dbm:
+        seen = [visible_landmarks(scan, min_rssi_dbm=cut, max_age_s=max_age_s) for scan in heard]
+        in_view.append(sum(map(len, seen)) / max(1, len(heard)))
+        if in_view[-1] > most_in_view:
+            break
+        complexes.append(LandmarkComplex.from_observations(seen, engine))
     stages = nested_homology(complexes, engine)
     return [
         RangePoint(
@@ -122,7 +122,7 @@ def range_curve(
             _euler(complexes[at]),
             _stable(stages, at),
         )
-        for at, cut in enumerate(cuts_dbm)
+        for at, cut in enumerate(cuts_dbm[: len(complexes)])
     ]
 
 

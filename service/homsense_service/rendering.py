@@ -108,11 +108,14 @@ def render_node_link(grown: homsense.LandmarkComplex) -> dict[str, Any]:
     return data
 
 
-def render_range_curve(site: Site, curve: list[homsense.RangePoint]) -> schemas.RangeCurveOut:
-    """Return the range self-check of a site."""
+def render_range_curve(
+    site: Site, scans: int, curve: list[homsense.RangePoint]
+) -> schemas.RangeCurveOut:
+    """Return the range self-check of a site over some of its scans."""
     chosen = homsense.choose_cut(curve)
     return schemas.RangeCurveOut(
         version=site.complex.number,
+        scans=scans,
         min_rssi_dbm=site.config.min_rssi_dbm,
         chosen_min_rssi_dbm=None if chosen is None else chosen.min_rssi_dbm,
         points=[
@@ -131,10 +134,11 @@ def render_range_curve(site: Site, curve: list[homsense.RangePoint]) -> schemas.
     )
 
 
-def render_witness_curve(site: Site, check: WitnessCheck) -> schemas.WitnessCurveOut:
-    """Return the witness check of a site."""
+def render_witness_curve(site: Site, scans: int, check: WitnessCheck) -> schemas.WitnessCurveOut:
+    """Return the witness check of a site over some of its scans."""
     return schemas.WitnessCurveOut(
         version=site.complex.number,
+        scans=scans,
         quorum=site.config.quorum,
         median_witnesses=check.median_witnesses,
         suggested_quorum=homsense.suggested_quorum(check.median_witnesses),

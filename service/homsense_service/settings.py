@@ -107,6 +107,11 @@ class Settings(BaseSettings):
     calibration_scans: int = Field(
         default=1500, ge=1, description="Scans that a site learns its radio and radii from."
     )
+    check_scans: int = Field(
+        default=20_000,
+        ge=1,
+        description="Scans that the self-checks of a site look at, evenly over its log.",
+    )
     cell_m: float = Field(default=2.0, gt=0.0, description="Resolution of the walls, metres.")
     height_cell_m: float = Field(
         default=4.0, gt=0.0, description="Resolution of the height maps, metres."

@@ -2,7 +2,6 @@
 
 import math
 import threading
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import islice
 from typing import Any
@@ -213,39 +212,29 @@ class SiteRegistry:
             if (walked := walk_scan(scan, site.readings(scan.readings))) is not None:
                 yield walked
 
-    def some_scans(self, site: Site) -> tuple[list[StoredScan], deque[StoredScan]]:
+    def some_scans(self, site: Site) -> tuple[list[StoredScan], list[StoredScan]]:
         """Return scans of a site evenly over the log, and the latest; all when they are few."""
         most = self._settings.calibration_scans
-        step = max(1, -(-site.complex.number // most))
-        even, latest = list[StoredScan](), deque[StoredScan](maxlen=most)
-        for place, (_, scan) in enumerate(self._store.scans(site.name)):
-            if place % step == 0:
-                even.append(scan)
-            latest.append(scan)
-        return even, latest
+        return self._store.even_scans(site.name, most), self._store.latest_scans(site.name, most)
+
+    def checked_scans(self, site: Site) -> list[StoredScan]:
+        """Return the scans that the self-checks look at, evenly over the log."""
+        return self._store.even_scans(site.name, self._settings.check_scans)
 
     def range_curve(
-        self,
-        site: Site,
-        scans: Iterable[StoredScan] | None = None,
-        *,
-        most_in_view: float = math.inf,
+        self, site: Site, scans: Iterable[StoredScan], *, most_in_view: float = math.inf
     ) -> list[homsense.RangePoint]:
-        """Return the range self-check over some scans of a site, or over all."""
-        logged = (entry.scan for entry in self._store.scans(site.name))
-        chosen = logged if scans is None else scans
+        """Return the range self-check over some scans of a site."""
         return homsense.range_curve(
-            (site.readings(scan.readings) for scan in chosen),
+            (site.readings(scan.readings) for scan in scans),
             max_age_s=site.config.max_age_s,
             most_in_view=most_in_view,
             engine=self._engine(),
         )
 
-    def witness_curve(self, site: Site) -> WitnessCheck:
-        """Return the witness check over all scans of a site."""
-        seen = [
-            (scan.device, site.visible(scan.readings)) for _, scan in self._store.scans(site.name)
-        ]
+    def witness_curve(self, site: Site, scans: Iterable[StoredScan]) -> WitnessCheck:
+        """Return the witness check over some scans of a site."""
+        seen = [(scan.device, site.visible(scan.readings)) for scan in scans]
         median = homsense.median_witnesses(seen)
         return WitnessCheck(median, homsense.witness_curve(seen, engine=self._engine()))
 

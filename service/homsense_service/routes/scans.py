@@ -54,10 +54,13 @@ def get_complex(
 ) -> schemas.ComplexOut | schemas.RangeCurveOut | schemas.WitnessCurveOut | dict[str, Any]:
     """Return the numbers of the complex, or the complex itself, or one of its self-checks."""
     found = operations.sites.get(site)
-    if curve == "witnesses":
-        return rendering.render_witness_curve(found, operations.sites.witness_curve(found))
-    if curve == "rssi":
-        return rendering.render_range_curve(found, operations.sites.range_curve(found))
+    if curve is not None:
+        scans = operations.sites.checked_scans(found)
+        if curve == "witnesses":
+            check = operations.sites.witness_curve(found, scans)
+            return rendering.render_witness_curve(found, len(scans), check)
+        points = operations.sites.range_curve(found, scans)
+        return rendering.render_range_curve(found, len(scans), points)
     version = found.complex
     if format is None:
         return rendering.render_complex(version)

@@ -163,10 +163,14 @@ class RangePointOut(Wire):
     stable: int = Field(description="Holes from the next stronger cut to the next weaker one.")
 
 
+_CHECKED = "How many scans were looked at: evenly over the log, HOMSENSE_CHECK_SCANS at most."
+
+
 class RangeCurveOut(Wire):
     """The range self-check of a site."""
 
     version: int
+    scans: int = Field(description=_CHECKED)
     min_rssi_dbm: float | None = Field(description="The cut in force.")
     chosen_min_rssi_dbm: float | None = Field(
         description="The cut with the most stable holes; null when no hole is stable."
@@ -188,6 +192,7 @@ class WitnessCurveOut(Wire):
     """The witness check of a site."""
 
     version: int
+    scans: int = Field(description=_CHECKED)
     quorum: int = Field(description="The quorum in force.")
     median_witnesses: float = Field(description="Distinct devices that have seen a landmark.")
     suggested_quorum: int = Field(description="Grows with the density of the crowd.")

@@ -62,6 +62,14 @@ class Store(Protocol):
         """Yield a site's scans in the order of the log, from behind a number."""
         ...
 
+    def even_scans(self, site: str, most: int) -> list[StoredScan]:
+        """Return at most so many scans of a site, evenly over the log; all when they are few."""
+        ...
+
+    def latest_scans(self, site: str, most: int) -> list[StoredScan]:
+        """Return at most so many scans of a site, the last of the log."""
+        ...
+
     def delete_scans(self, site: str, device: str) -> int:
         """Delete the scans of a device, and the names of landmarks that nobody else heard."""
         ...

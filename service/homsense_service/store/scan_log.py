@@ -13,11 +13,17 @@ _INSERT = (
     "INSERT INTO scan (site, device, scan_id, observed_at, readings, track) "
     "VALUES (?, ?, ?, ?, ?, ?) ON CONFLICT DO NOTHING"
 )
-_SELECT = (
-    "SELECT number, device, scan_id, observed_at, readings, track FROM scan "
-    "WHERE site = ? AND number > ? ORDER BY number"
+_OF_SITE = (
+    "SELECT number, device, scan_id, observed_at, readings, track FROM scan WHERE site = ?1 AND"
 )
 
+AFTER = "number > ?2"
+EVENLY = (
+    "number IN (SELECT number FROM "
+    "(SELECT number, ROW_NUMBER() OVER (ORDER BY number) - 1 AS place, COUNT(*) OVER () AS total "
+    "FROM scan WHERE site = ?1) WHERE place % ((total + ?2 - 1) / ?2) = 0)"
+)
+LATEST = "number IN (SELECT number FROM scan WHERE site = ?1 ORDER BY number DESC LIMIT ?2)"
 OF_DEVICE = "DELETE FROM scan WHERE site = ? AND device = ?"
 BEFORE = "DELETE FROM scan WHERE site = ? AND observed_at < ?"
 
@@ -46,12 +52,14 @@ def add_scans(
     return added
 
 
-def scans(connection: sqlite3.Connection, site: str, after: int) -> Iterator[NumberedScan]:
-    """Yield a site's scans in the order of the log."""
+def scans(
+    connection: sqlite3.Connection, site: str, which: str, value: int
+) -> Iterator[NumberedScan]:
+    """Yield scans of a site by one of `AFTER`, `EVENLY`, `LATEST`, in the order of the log."""
     connection.execute("BEGIN")
     try:
         of_site = site_number(connection, site)
-        rows = connection.execute(_SELECT, (of_site, after))
+        rows = connection.execute(f"{_OF_SITE} {which} ORDER BY number", (of_site, value))
         names: dict[int, str] = {}
         for number, device, scan_id, observed_at, body, track in rows:
             if not names:

@@ -174,7 +174,19 @@ class SqliteStore:
     def scans(self, site: str, after: int = 0) -> Iterator[NumberedScan]:
         """Yield a site's scans in the order of the log, from behind a number."""
         with self._reading() as db:
-            yield from scan_log.scans(db, site, after)
+            yield from scan_log.scans(db, site, scan_log.AFTER, after)
+
+    def even_scans(self, site: str, most: int) -> list[StoredScan]:
+        """Return scans of a site, evenly over the log."""
+        return self._some(site, scan_log.EVENLY, most)
+
+    def latest_scans(self, site: str, most: int) -> list[StoredScan]:
+        """Return the last scans of a site."""
+        return self._some(site, scan_log.LATEST, most)
+
+    def _some(self, site: str, which: str, most: int) -> list[StoredScan]:
+        with self._reading() as db:
+            return [entry.scan for entry in scan_log.scans(db, site, which, most)]
 
     def delete_scans(self, site: str, device: str) -> int:
         """Delete the scans of a device."""
