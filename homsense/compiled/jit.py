@@ -1,8 +1,10 @@
 """How the kernels are compiled.
 
-Two costs decide. A function that may allocate counts references to every array that it takes
+Three costs decide. A function that may allocate counts references to every array that it takes
 from a tuple, which is far more than the work of a short loop; so `inlined` and `apart` must not
-allocate. And a call passes each array as seven words; so what is called often is `inlined`.
+allocate. A call passes each array as seven words; so what is called often is `inlined`. And a
+signed index is tested for counting from the end; so what is indexed often is indexed by
+`np.uint64(...)`, but for loops from 0, of which the compiler knows.
 """
 
 import hashlib
