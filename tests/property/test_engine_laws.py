@@ -15,6 +15,7 @@ from homsense.engine import PYTHON, compiled
 from homsense.facet_table import Ragged
 
 NUMBA = compiled()
+MANY = 700
 Observations = list[frozenset[str]]
 ENDS = st.lists(st.integers(0, 30), min_size=1, max_size=4)
 ROWS = st.lists(st.frozensets(st.integers(0, 40), max_size=7), max_size=30)
@@ -50,14 +51,31 @@ def test_both_engines_tell_the_same_history_of_hundreds_of_holes(seed: int) -> N
 
 @pytest.mark.parametrize("seed", range(8))
 def test_both_engines_tell_the_same_history_of_many_overlapping_rows(seed: int) -> None:
-    """Beyond 256 rows the compiled engine collapses first."""
+    """Of so many rows the compiled engine leaves out what is needless before it counts."""
     assert NUMBA
     rng = np.random.default_rng(seed)
-    rows, points = rng.random((400, 1, 2)), rng.random((1, 300, 2))
+    rows, points = rng.random((MANY, 1, 2)), rng.random((1, 300, 2))
     holds = np.linalg.norm(rows - points, axis=2) < 0.04 + 0.02 * seed
     holds &= rng.random(holds.shape) > (0.0, 0.2)[seed % 2]
-    ragged = Ragged.of([np.flatnonzero(row).tolist() for row in holds])
-    assert NUMBA.history(ragged, [90, 250, 400]) == PYTHON.history(ragged, [90, 250, 400])
+    ragged, stages = Ragged.of([np.flatnonzero(row).tolist() for row in holds]), [90, 400, MANY]
+    assert NUMBA.history(ragged, stages) == PYTHON.history(ragged, stages)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_both_engines_sense_the_same_in_large_neighborhoods(seed: int) -> None:
+    """There the compiled engine knows of most facets that nothing dominates them."""
+    assert NUMBA
+    rng = np.random.default_rng(seed)
+    scans, landmarks = rng.random((500, 1, 2)), rng.random((1, 2 * MANY, 2))
+    apart = np.linalg.norm(scans - landmarks, axis=2)
+    heard = (apart < 0.08) & (apart > 0.03 * (seed % 2)) & (rng.random(apart.shape) > 0.1)
+    seen = [frozenset(str(landmark) for landmark in np.flatnonzero(scan)) for scan in heard]
+    k = LandmarkComplex.from_observations(seen, PYTHON)
+    middle = seen[int(np.abs(scans - 0.5).sum(axis=2).argmin())]
+    reference, other = (k.run_by(e).sense(middle, [2, 3, 4]) for e in (PYTHON, NUMBA))
+    assert other.homology == reference.homology
+    assert other.ends == reference.ends
+    assert reference.ends[1] > MANY
 
 
 @given(OBSERVATIONS, OBSERVATION, HOPS)
