@@ -110,7 +110,7 @@ class WitnessFiltration:
                     levels[index + 1] = levels[index + 1].with_observations(shared)
                 pending, top = pending.with_observation(row), levels[-1]
         levels[0] = levels[0].with_observations(scan for _, scan in seen)
-        return self._of(levels, pending)
+        return self.of_parts([*levels, pending])
 
     def __or__(self, other: "WitnessFiltration") -> Self:
         """Return the filtration of the observations of both; depths must be equal."""
@@ -118,7 +118,7 @@ class WitnessFiltration:
             return NotImplemented
         levels = [mine | theirs for mine, theirs in zip(self._levels, other._levels, strict=True)]
         rows = map(_witness_and_scan, other._pending.facets)
-        return self._of(levels, self._pending).with_observations(rows)
+        return self.of_parts([*levels, self._pending]).with_observations(rows)
 
     def digest(self) -> tuple[str, ...]:
         """Return the canonical hashes of the levels.
@@ -143,7 +143,7 @@ class WitnessFiltration:
         WitnessFiltration
             Equal to this one.
         """
-        return self._of([k.run_by(engine) for k in self._levels], self._pending.run_by(engine))
+        return self.of_parts([part.run_by(engine) for part in self.parts])
 
     @property
     def parts(self) -> tuple[LandmarkComplex, ...]:
@@ -164,11 +164,8 @@ class WitnessFiltration:
         WitnessFiltration
             Equal to the one they are from.
         """
-        return cls()._of(parts[:-1], parts[-1])
-
-    def _of(self, levels: Iterable[LandmarkComplex], pending: LandmarkComplex) -> Self:
-        same = type(self)()
-        same._levels, same._pending = tuple(levels), pending
+        same = cls.__new__(cls)
+        same._levels, same._pending = tuple(parts[:-1]), parts[-1]
         return same
 
 

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import homsense
+from homsense.backend import Backend
 from homsense_service import schemas
 from homsense_service.archive import (
     Archive,
@@ -25,6 +26,7 @@ def localizing(
     wall_tolerance_m: float,
     sensor: Sensor,
     request: schemas.SessionIn,
+    backend: Backend,
 ) -> Run:
     """Return what a session localizes with.
 
@@ -40,6 +42,8 @@ def localizing(
         How it measures.
     request : SessionIn
         What was asked for.
+    backend : Backend
+        What runs the filter now; a run is the same with any.
 
     Returns
     -------
@@ -54,6 +58,7 @@ def localizing(
         config,
         free_space=reachable,
         likelihood=site.likelihood(reachable, sensor, config.noise),
+        backend=backend,
     )
     return Run(version, wall_tolerance_m, sensor, localizer)
 
@@ -71,11 +76,15 @@ def run_document(run: Run, archive: Archive) -> tuple[dict[str, Any], Artifacts]
 
 
 def restored(
-    document: Mapping[str, Any], site: Site, request: schemas.SessionIn, archive: Archive
+    document: Mapping[str, Any],
+    site: Site,
+    request: schemas.SessionIn,
+    archive: Archive,
+    backend: Backend,
 ) -> Run:
     """Return the run that a document tells of."""
     version = archive.get(document["map"], map_of)
     tolerance_m = document["wall_tolerance_m"]
     reachable = site.reachable(version, tolerance_m)
     sensor = sensor_of(document["sensor"], archive, version, reachable)
-    return localizing(site, version, tolerance_m, sensor, request)
+    return localizing(site, version, tolerance_m, sensor, request, backend)

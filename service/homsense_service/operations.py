@@ -228,7 +228,8 @@ class Operations:
         site = self.sites.get(site_name)
         version = site.require_map()
         sensor = chosen(self.sites, site, request.sensor, self._settings)
-        run = localizing(site, version, site.config.wall_tolerance_m, sensor, request)
+        tolerance_m, backend = site.config.wall_tolerance_m, self._backend()
+        run = localizing(site, version, tolerance_m, sensor, request, backend)
         seed = secrets.randbits(64) if request.seed is None else request.seed
         course = Course.begun(run, seed)
         document, artifacts = run_document(run, self._archive)
@@ -277,9 +278,9 @@ class Operations:
             type=before.kind, hops=list(before.hops) or None, expected=before.expected
         )
         sensor = chosen(self.sites, site, wanted, self._settings)
-        run = localizing(
-            site, version, site.config.wall_tolerance_m, sensor, _request(session.record)
-        )
+        tolerance_m, backend = site.config.wall_tolerance_m, self._backend()
+        request = _request(session.record)
+        run = localizing(site, version, tolerance_m, sensor, request, backend)
         session.migrate(run, *run_document(run, self._archive))
         return session
 
@@ -353,7 +354,7 @@ class Operations:
     def _wake(self, record: SessionRecord) -> Session:
         """Return a session as it was before a restart."""
         site, request = self.sites.get(record.site), _request(record)
-        run = restored(record.document["run"], site, request, self._archive)
+        run = restored(record.document["run"], site, request, self._archive, self._backend())
         session = self._session(record, site, Course.begun(run, record.document["seed"]), request)
         session.resume()
         return session
@@ -362,7 +363,7 @@ class Operations:
         self, record: SessionRecord, site: Site, course: Course, request: schemas.SessionIn
     ) -> Session:
         def restore(document: dict[str, Any]) -> Run:
-            return restored(document, site, request, self._archive)
+            return restored(document, site, request, self._archive, self._backend())
 
         means = Means(self._store, restore, self._backend, self.watch, self._turn)
         return Session(record, site, course, means)
