@@ -5,6 +5,7 @@ from statistics import median
 
 import numpy as np
 from synthetic_city import Scans, city, scans
+from timing import best_of
 
 from homsense import LandmarkComplex, sense_local_homology
 from homsense.engine import compiled
@@ -105,9 +106,4 @@ def density_table() -> list[str]:
 
 
 def _best(grown: LandmarkComplex, visible: frozenset[str], hops: int) -> float:
-    best = float("inf")
-    for _ in range(TRIES):
-        started = time.thread_time()
-        sense_local_homology(grown, visible, [hops])
-        best = min(best, time.thread_time() - started)
-    return best
+    return best_of(TRIES, lambda: sense_local_homology(grown, visible, [hops]))[0]

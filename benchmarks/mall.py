@@ -1,7 +1,7 @@
 """Scans of real mall floors, where the recordings are at hand; and what they cost."""
 
 import os
-import time
+from functools import partial
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from homsense_cli.recorded import read_floor
 from numpy.typing import NDArray
+from timing import best_of
 
 from homsense import LandmarkComplex, sense_local_homology
 from homsense.engine import PYTHON, compiled
@@ -62,13 +63,12 @@ def _row(floor: str) -> str:
     sense_local_homology(grown, heard[0], [2])
     for number, visible in enumerate(asked):
         level = sense_local_homology(grown, visible, [2])[0]
-        ours.append(min(_spent(grown, visible) for _ in range(3)))
-        python.append(_spent(reference, visible))
+        ours.append(best_of(3, partial(sense_local_homology, grown, visible, [2]))[0])
+        python.append(best_of(1, partial(sense_local_homology, reference, visible, [2]))[0])
         sizes.append(level.n_landmarks)
         if number % (N_QUERIES // N_NUMPY) == 0:
-            started = time.thread_time()
-            b1 = _plain_numpy(level.subcomplex)
-            plain.append(time.thread_time() - started)
+            spent, b1 = best_of(1, partial(_plain_numpy, level.subcomplex))
+            plain.append(spent)
             if b1 != level.holes:
                 message = f"numpy counts {b1} holes, we count {level.holes}"
                 raise AssertionError(message)
@@ -78,12 +78,6 @@ def _row(floor: str) -> str:
         f"| **{median(plain) / median(ours):.0f}** | {1e3 * median(python):.1f} "
         f"| {median(plain) / median(python):.0f} |"
     )
-
-
-def _spent(grown: LandmarkComplex, visible: frozenset[str]) -> float:
-    started = time.thread_time()
-    sense_local_homology(grown, visible, [2])
-    return time.thread_time() - started
 
 
 def _plain_numpy(local: LandmarkComplex) -> int:

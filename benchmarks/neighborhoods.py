@@ -6,22 +6,20 @@ extraction, homology. Each figure is the median over neighborhoods of the best o
 many for everyone; every answer is compared.
 """
 
-import time
 from collections.abc import Callable
 from functools import partial
 from statistics import median
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import gudhi_peer
 from synthetic_city import city, scans
+from timing import best_of
 
 from homsense import LandmarkComplex, LocalHomology, sense_local_homology
 from homsense.engine import PYTHON, Engine, compiled
 
 SEED, N_SCANS, NEAR, FAR = 1, 20_000, 2, 3
 SOME, FEW, MANY = 8, 3, 15
-
-Answer = TypeVar("Answer")
 
 
 class Case(NamedTuple):
@@ -71,7 +69,7 @@ def _row(case: Case) -> str:
     asked = [scan for scan in heard[7 :: N_SCANS // case.queries] if scan][: case.queries]
     ours, python, theirs, far, both = ([] for _ in range(5))
     sizes = []
-    best = partial(_best, FEW if case.queries <= SOME else MANY)
+    best = partial(best_of, FEW if case.queries <= SOME else MANY)
     for visible in asked:
         spent, level = best(_question(grown, fast, visible, [NEAR]))
         ours.append(spent)
@@ -102,12 +100,3 @@ def _question(
 ) -> Callable[[], LocalHomology]:
     run = grown.run_by(engine)
     return lambda: sense_local_homology(run, visible, hops)[0]
-
-
-def _best(tries: int, question: Callable[[], Answer]) -> tuple[float, Answer]:
-    best = float("inf")
-    for _ in range(tries):
-        started = time.thread_time()
-        answer = question()
-        best = min(best, time.thread_time() - started)
-    return best, answer

@@ -141,14 +141,10 @@ class MayerVietoris:
         self._parent.append(index)
         self._components += 1
         planes = self._glue(index, simplex, shared, first) if shared else {}
-        self._keep(simplex, planes, shared)
-        own = 1 << index
-        self._through.extend([0] * (simplex.bit_length() - len(self._through)))
-        for point in points:
-            self._through[point] |= own
+        self._append(simplex, points, planes, shared)
         return True
 
-    def _keep(self, simplex: int, planes: Planes, shared: int) -> None:
+    def _append(self, simplex: int, points: Iterable[int], planes: Planes, shared: int) -> None:
         own = 1 << len(self._simplices)
         kept = {
             generator: plane | (simplex & ~shared) if _is_most(plane, shared) else plane
@@ -164,6 +160,9 @@ class MayerVietoris:
         self._simplices.append(simplex)
         self._planes.append(kept)
         self._seen |= simplex
+        self._through.extend([0] * (simplex.bit_length() - len(self._through)))
+        for point in points:
+            self._through[point] |= own
 
     def _glue(self, index: int, simplex: int, shared: int, first: int) -> Planes:
         """Return the planes of a new simplex; kill the classes that are not trivial on L."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from homsense.compiled.bit_strings import NONE, ONE, ZERO, BitStrings, Ints, word_of
 from homsense.compiled.jit import allocating, inlined
-from homsense.compiled.labels import FULL, Labels
+from homsense.compiled.labels import FULL, Labels, plane_word
 
 N_SLOTS, N_PIECES, N_ACTIVE, N_MET, FIRST = 0, 1, 2, 3, 4
 
@@ -157,5 +157,5 @@ def difference(glue: Glue, labels: Labels, slot: int, plane: int, point: int) ->
     bit = np.uint64(point & 63)
     apart = glue.planes[slot * glue.widest + place] >> bit
     if plane != NONE:
-        apart ^= labels.words[labels.at[plane] + (point >> 6)] >> bit
+        apart ^= plane_word(labels, plane, point >> 6) >> bit
     return apart & ONE

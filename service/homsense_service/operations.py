@@ -226,10 +226,7 @@ class Operations:
     def _opened(self, site_name: str, request: schemas.SessionIn, asked_as: str | None) -> Session:
         self._check_size(request)
         site = self.sites.get(site_name)
-        version = site.require_map()
-        sensor = chosen(self.sites, site, request.sensor, self._settings)
-        tolerance_m, backend = site.config.wall_tolerance_m, self._backend()
-        run = localizing(site, version, tolerance_m, sensor, request, backend)
+        run = self._run(site, request.sensor, request)
         seed = secrets.randbits(64) if request.seed is None else request.seed
         course = Course.begun(run, seed)
         document, artifacts = run_document(run, self._archive)
@@ -252,6 +249,16 @@ class Operations:
 
         return self.sessions.admit(keep)
 
+    def _run(self, site: Site, wanted: schemas.SensorIn, request: schemas.SessionIn) -> Run:
+        """Return what a session localizes with on the current map of its site."""
+        version = site.require_map()
+        sensor = chosen(self.sites, site, wanted, self._settings)
+        tolerance_m, backend = site.config.wall_tolerance_m, self._backend()
+        return localizing(site, version, tolerance_m, sensor, request, backend)
+
+    def _restored(self, site: Site, request: schemas.SessionIn, document: dict[str, Any]) -> Run:
+        return restored(document, site, request, self._archive, self._backend())
+
     def _check_size(self, request: schemas.SessionIn) -> None:
         most = self._settings.max_particles
         if request.particles > most:
@@ -271,16 +278,11 @@ class Operations:
         return self._awake(name, self._moved)[0]
 
     def _moved(self, session: Session) -> Session:
-        site = session.site
-        version = site.require_map()
-        before = session.run.sensor
+        site, before = session.site, session.run.sensor
         wanted = schemas.SensorIn(
             type=before.kind, hops=list(before.hops) or None, expected=before.expected
         )
-        sensor = chosen(self.sites, site, wanted, self._settings)
-        tolerance_m, backend = site.config.wall_tolerance_m, self._backend()
-        request = _request(session.record)
-        run = localizing(site, version, tolerance_m, sensor, request, backend)
+        run = self._run(site, wanted, _request(session.record))
         session.migrate(run, *run_document(run, self._archive))
         return session
 
@@ -354,7 +356,7 @@ class Operations:
     def _wake(self, record: SessionRecord) -> Session:
         """Return a session as it was before a restart."""
         site, request = self.sites.get(record.site), _request(record)
-        run = restored(record.document["run"], site, request, self._archive, self._backend())
+        run = self._restored(site, request, record.document["run"])
         session = self._session(record, site, Course.begun(run, record.document["seed"]), request)
         session.resume()
         return session
@@ -362,9 +364,7 @@ class Operations:
     def _session(
         self, record: SessionRecord, site: Site, course: Course, request: schemas.SessionIn
     ) -> Session:
-        def restore(document: dict[str, Any]) -> Run:
-            return restored(document, site, request, self._archive, self._backend())
-
+        restore = partial(self._restored, site, request)
         means = Means(self._store, restore, self._backend, self.watch, self._turn)
         return Session(record, site, course, means)
 
