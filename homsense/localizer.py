@@ -301,7 +301,7 @@ class Localizer:
         advantage = evidence - masses.evidence_bits
         rule = self.config.recovery
         doubt, share = (rule or _WATCHING).share(
-            doubt._replace(evidence_bits=evidence, advantage_bits=advantage), exponent
+            Doubt(evidence, advantage, doubt.odds, doubt.slow, doubt.fast), exponent
         )
         if rule is None:
             return found, doubt, None

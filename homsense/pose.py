@@ -53,7 +53,7 @@ class Delta(NamedTuple):
             negative.
         """
         for name, value in zip(("forward_m", "left_m", "turn_rad", "dt_s"), self[:4], strict=True):
-            if not (math.isfinite(value) and abs(value) <= MAX_DELTA):
+            if not abs(value) <= MAX_DELTA:
                 message = f"{name} must be finite and at most {MAX_DELTA:.0f}, not {value}"
                 raise InvalidInputError(message, name)
         if self.dt_s < 0.0:

@@ -61,7 +61,7 @@ class HeadingPrior:
         """
         if math.isinf(self.std_rad):
             return wrap_turns(unit_interval(words[0]))
-        _, _, normal = standard_normals(words)
+        normal, *_ = standard_normals(words)
         mean, std = np.float32(self.mean_rad / TURN), np.float32(self.std_rad / TURN)
         return wrap_turns(mean + std * normal)
 
@@ -150,7 +150,7 @@ class GaussianPrior:
         """
 
         def candidates(words: NDArray[np.uint32]) -> tuple[Singles, Singles]:
-            right, up, _ = standard_normals(words)
+            right, up, *_ = standard_normals(words)
             std = np.float32(self.std_m)
             return np.float32(self.x_m) + std * right, np.float32(self.y_m) + std * up
 

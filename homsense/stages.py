@@ -24,6 +24,7 @@ Codes = NDArray[np.uint16]
 
 BLOCK = 8192
 NOTHING = np.float32(0.0)
+_STRIDES = np.arange(8, dtype=np.float32)
 
 
 class Move(NamedTuple):
@@ -61,17 +62,24 @@ def propagate(particles: Particles, move: Move, walls: Walls, seed: int, tick: i
         After, with the best log-weight at 0; those that a wall has stopped are where they were,
         turned.
     """
+    deviates = _deviates(particles.size, seed, tick)
     parts = [
-        _propagate(
-            _block(particles, first),
-            move,
-            walls,
-            random_words(seed, tick, Purpose.MOTION, min(BLOCK, particles.size - first), first),
-        )
+        _propagate(_block(particles, first), deviates[:, first : first + BLOCK], move, walls)
         for first in range(0, particles.size, BLOCK)
     ]
     moved = parts[0] if len(parts) == 1 else joined(parts)
     return moved._replace(log_weight=moved.log_weight - moved.log_weight.max())
+
+
+def _deviates(count: int, seed: int, tick: int) -> Singles:
+    """Return three normal deviates for each particle; a number of the stream gives four."""
+    numbers = -(-3 * count // 4)
+    drawn = np.empty((4, numbers), np.float32)
+    for first in range(0, numbers, BLOCK):
+        block = drawn[:, first : first + BLOCK]
+        words = random_words(seed, tick, Purpose.MOTION, block.shape[1], first)
+        block[...] = standard_normals(words)
+    return drawn.ravel()[: 3 * count].reshape(3, count)
 
 
 def _block(particles: Particles, first: int) -> Particles:
@@ -80,8 +88,8 @@ def _block(particles: Particles, first: int) -> Particles:
     return Particles(x[part], y[part], turns[part], log_weight[part])
 
 
-def _propagate(particles: Particles, move: Move, walls: Walls, words: Weights) -> Particles:
-    forward, left, turn = _noisy(move, standard_normals(words))
+def _propagate(particles: Particles, deviates: Singles, move: Move, walls: Walls) -> Particles:
+    forward, left, turn = _noisy(move, deviates)
     up, right = sine(particles.turns), cosine(particles.turns)
     x = particles.x_m + (right * forward - up * left)
     y = particles.y_m + (up * forward + right * left)
@@ -92,10 +100,8 @@ def _propagate(particles: Particles, move: Move, walls: Walls, words: Weights) -
     return Particles(x, y, wrap_turns(particles.turns + turn), log_weight)
 
 
-def _noisy(
-    move: Move, normals: tuple[Singles, Singles, Singles]
-) -> tuple[Singles, Singles, Singles]:
-    n0, n1, n2 = normals
+def _noisy(move: Move, deviates: Singles) -> tuple[Singles, Singles, Singles]:
+    n0, n1, n2 = deviates
     r00, r10, r11, r20, r21, r22 = move.root
     return (
         move.mean[0] + r00 * n0,
@@ -119,12 +125,20 @@ def cells_at(raster: Raster, x_m: Singles, y_m: Singles) -> Integers:
     ndarray, shape (N,), int32
         In [0, rows * columns).
     """
-    column, row = (x_m - raster.west_m) * raster.cells_per_m, (y_m - raster.south_m)
-    row = row * raster.cells_per_m
-    column = np.minimum(np.maximum(column, NOTHING), np.float32(raster.columns - 1))
-    row = np.minimum(np.maximum(row, NOTHING), np.float32(raster.rows - 1))
-    cells: Integers = row.astype(np.int32) * np.int32(raster.columns) + column.astype(np.int32)
+    column = _along(x_m, raster.west_m, raster.cells_per_m, raster.columns)
+    cells = _along(y_m, raster.south_m, raster.cells_per_m, raster.rows)
+    cells *= np.int32(raster.columns)
+    cells += column
     return cells
+
+
+def _along(places_m: Singles, first_m: np.float32, per_m: np.float32, count: int) -> Integers:
+    """Return which of some cells in a row holds each place; beyond the ends it is the last one."""
+    cells = places_m - first_m
+    cells *= per_m
+    np.maximum(cells, NOTHING, out=cells)
+    np.minimum(cells, np.float32(count - 1), out=cells)
+    return cells.astype(np.int32)
 
 
 def clearances_m(walls: Walls, x_m: Singles, y_m: Singles) -> Singles:
@@ -142,8 +156,10 @@ def clearances_m(walls: Walls, x_m: Singles, y_m: Singles) -> Singles:
     ndarray, shape (N,), float32
         Metres; negative where the place is not free.
     """
-    halves = walls.clearance[cells_at(walls.raster, x_m, y_m)].astype(np.float32) - ONE
-    return halves * walls.half_cell_m
+    found = walls.clearance.take(cells_at(walls.raster, x_m, y_m)).astype(np.float32)
+    found -= ONE
+    found *= walls.half_cell_m
+    return found
 
 
 def blocked(
@@ -151,9 +167,9 @@ def blocked(
 ) -> NDArray[np.bool_]:
     """Tell which straight moves meet a cell that is not free.
 
-    A way no longer than the clearances of its ends together is free. Any other is looked at up to
-    the clearance of its end, in strides as long as the clearance of the place reached, or half a
-    cell; so no more than a corner can be cut.
+    A way no longer than the clearances of its ends together is free. Any other is looked at every
+    half cell, from the clearance of its start to that of its end; so no more than a corner can be
+    cut.
 
     Parameters
     ----------
@@ -172,20 +188,25 @@ def blocked(
     before, after = clearances_m(walls, x_m, y_m), clearances_m(walls, to_x_m, to_y_m)
     reach = before + after
     stopped = after < 0
-    near = np.flatnonzero(~stopped & ((before < 0) | (square > reach * reach)))
+    near = np.flatnonzero((before < 0) | (square > reach * reach))
+    near = near[~stopped[near]]
     length = np.sqrt(square[near])
-    ways = np.stack([x_m[near], y_m[near], right[near], up[near], length, length - after[near]])
-    gone = np.maximum(before[near], walls.half_cell_m)
+    first, until = np.maximum(before[near], walls.half_cell_m), length - after[near]
+    ways = np.stack([x_m[near], y_m[near], right[near], up[near], length, first, until])
+    strides = _STRIDES
     while True:
-        on_the_way = np.flatnonzero(gone < ways[-1])
+        on_the_way = np.flatnonzero(ways[5] + strides[0] * walls.half_cell_m < ways[6])
         if not len(on_the_way):
             return stopped
-        near, ways, gone = near[on_the_way], ways[:, on_the_way], gone[on_the_way]
-        from_x, from_y, east, north, length, until = ways
+        near, ways = near.take(on_the_way), ways.take(on_the_way, 1)
+        from_x, from_y, east, north, length, first, until = ways[:, :, None]
+        gone = first + strides * walls.half_cell_m
         part = gone / length
-        ahead = clearances_m(walls, from_x + east * part, from_y + north * part)
-        stopped[near] = ahead < 0
-        gone = np.where(ahead < 0, until, gone + np.maximum(ahead, walls.half_cell_m))
+        cells = cells_at(walls.raster, from_x + east * part, from_y + north * part)
+        met = ((walls.clearance.take(cells) == 0) & (gone < until)).any(axis=1)
+        stopped[near] = met
+        ways[6, met] = NOTHING
+        strides = strides + np.float32(len(strides))
 
 
 class Reweighed(NamedTuple):
@@ -232,7 +253,8 @@ def reweigh(particles: Particles, raster: Raster, codes: Codes, table: Integers)
         The particles, and what their evidence can be computed from.
     """
     before = int(linear(particles.log_weight).sum(dtype=np.uint64))
-    gained = particles.log_weight + table[codes[cells_at(raster, particles.x_m, particles.y_m)]]
+    cells = cells_at(raster, particles.x_m, particles.y_m)
+    gained = particles.log_weight + table.take(codes.take(cells))
     best = gained.max()
     weighed = particles._replace(log_weight=np.maximum(gained - best, LOWEST))
     return Reweighed(weighed, *weigh(weighed), int(best), before)
@@ -303,8 +325,8 @@ def chosen(particles: Particles, ancestors: IntArray) -> Particles:
         Of log-weight 0.
     """
     return Particles(
-        particles.x_m[ancestors],
-        particles.y_m[ancestors],
-        particles.turns[ancestors],
+        particles.x_m.take(ancestors),
+        particles.y_m.take(ancestors),
+        particles.turns.take(ancestors),
         np.zeros(len(ancestors), np.int32),
     )

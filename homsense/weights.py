@@ -68,7 +68,7 @@ def linear(log_weight: Integers) -> Weights:
     [1048576, 524288, 0]
     """
     halvings = np.minimum(-(log_weight >> UNIT_BITS), MOST_HALVINGS)
-    weights: Weights = FRACTIONS[log_weight & FRACTION_BITS] >> halvings.astype(np.uint32)
+    weights: Weights = FRACTIONS.take(log_weight & FRACTION_BITS) >> halvings.view(np.uint32)
     return weights
 
 

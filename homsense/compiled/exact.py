@@ -11,15 +11,15 @@ from homsense.compiled.jit import allocating, apart, inlined
 Array = NDArray[Any]
 
 HALF, ONE, QUARTER = exact.HALF, exact.ONE, exact.QUARTER
-_MINUS_TWO, _UNIT = exact.MINUS_TWO, exact.UNIT
-_ROOT_HALF, _MANTISSA = exact.ROOT_HALF, exact.MANTISSA
-_L0, _L1, _L2, _L3, _L4, _L5, _L6, _L7, _L8 = exact.LOG
-_LOG_2_HIGH, _LOG_2_LOW = exact.LOG_2_HIGH, exact.LOG_2_LOW
+_QUARTER_UNIT = exact.QUARTER_UNIT
+_ROOT_HALF, _SCALED_ROOT_HALF = exact.ROOT_HALF, exact.SCALED_ROOT_HALF
+_MANTISSA, _MINUS_TWO_LN_2 = exact.MANTISSA, exact.MINUS_TWO_LN_2
+_L0, _L1, _L2, _L3, _L4, _L5, _L6 = exact.LOG
 _S0, _S1, _S2, _S3, _S4 = exact.SINE
 _M0, _M1 = philox.MULTIPLIERS
 _W0, _W1 = philox.WEYL
 _ROUNDS = philox.ROUNDS
-_WORD, _EIGHT = np.uint64(32), np.uint32(8)
+_WORD, _EIGHT, _SIGN = np.uint64(32), np.uint32(8), np.uint32(31)
 _TWENTY_THREE = np.int32(23)
 
 
@@ -75,37 +75,27 @@ def _fill(
 
 
 @inlined
-def unit_interval(word: Any) -> Any:
-    """Return a random word as a number in (0, 1]."""
-    return (np.float32(word >> _EIGHT) + HALF) * _UNIT
-
-
-@inlined
-def log_unit(number: Any) -> Any:
-    """Return the natural logarithm."""
-    bits = np.int32(np.float32(number).view(np.int32) - _ROOT_HALF)
+def squared_radius(word: Any) -> Any:
+    """Return the squared length of two normal deviates."""
+    number = np.float32(word >> _EIGHT) + HALF
+    bits = np.int32(np.float32(number).view(np.int32) - _SCALED_ROOT_HALF)
     exponent = np.float32(bits >> _TWENTY_THREE)
     f = np.int32(np.int32(bits & _MANTISSA) + _ROOT_HALF).view(np.float32) - ONE
-    square = f * f
     series = ((((_L0 * f + _L1) * f + _L2) * f + _L3) * f + _L4) * f + _L5
-    series = (((series * f + _L6) * f + _L7) * f + _L8) * f * square
-    series = series + _LOG_2_LOW * exponent
-    series = series - HALF * square
-    return (f + series) + _LOG_2_HIGH * exponent
+    return (series * f + _L6) * f + exponent * _MINUS_TWO_LN_2
 
 
 @inlined
 def sine(turns: Any) -> Any:
-    """Return the sine of an angle in turns."""
-    folded = wrap_turns(turns)
-    acute = QUARTER - abs(abs(folded) - QUARTER)
-    return np.copysign(_sine_of_acute(acute), folded)
+    """Return the sine of an angle in turns, in [-1/2, 1/2]."""
+    acute = QUARTER - abs(abs(turns) - QUARTER)
+    return np.copysign(_sine_of_acute(acute), turns)
 
 
 @inlined
 def cosine(turns: Any) -> Any:
-    """Return the cosine of an angle in turns."""
-    return _sine_of_acute(QUARTER - abs(wrap_turns(turns)))
+    """Return the cosine of an angle in turns, in [-1/2, 1/2]."""
+    return _sine_of_acute(QUARTER - abs(turns))
 
 
 @inlined
@@ -116,12 +106,12 @@ def _sine_of_acute(turns: Any) -> Any:
 
 
 @inlined
-def standard_normals(w0: Any, w1: Any, w2: Any, w3: Any) -> Any:
-    """Return three independent normal deviates."""
-    near = np.sqrt(_MINUS_TWO * log_unit(unit_interval(w0)))
-    around = unit_interval(w1)
-    far = np.sqrt(_MINUS_TWO * log_unit(unit_interval(w2)))
-    return near * cosine(around), near * sine(around), far * cosine(unit_interval(w3))
+def two_normals(distance: Any, direction: Any) -> Any:
+    """Return two independent normal deviates."""
+    length = np.float32(np.sqrt(squared_radius(distance))).view(np.uint32)
+    radius = np.uint32(length | np.uint32(distance << _SIGN)).view(np.float32)
+    turns = np.float32(np.int32(direction)) * _QUARTER_UNIT
+    return radius * cosine(turns), radius * _sine_of_acute(turns)
 
 
 @inlined

@@ -184,9 +184,8 @@ def _divide(reached: Array, total: int, until: Array) -> None:
     all_of_it, per_total = np.int64(total), 1.0 / total
     for index in range(len(reached)):
         quotient = np.int64(np.float64(reached[index]) * per_total)
-        quotient += np.int64(quotient * all_of_it < reached[index])
-        quotient -= np.int64((quotient - 1) * all_of_it >= reached[index])
-        until[index] = np.uint32(quotient)
+        rest = reached[index] - quotient * all_of_it
+        until[index] = np.uint32(quotient + np.int64(rest > 0) - np.int64(rest <= -all_of_it))
 
 
 @apart

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from scipy.stats import kstest
 from shapely.geometry import LineString
 from support.builders import feature, local_map, square
 from support.strategies import FINITE
@@ -138,20 +139,33 @@ def test_wrapping_keeps_the_direction(turns: np.ndarray) -> None:
 def test_polynomials_agree_with_the_library(seed: int) -> None:
     words = random_words(seed, 1, 0, 500)
     unit = exact.unit_interval(words[0])
-    assert np.abs(exact.log_unit(unit) - np.log(unit.astype(np.float64))).max() < 5e-7
+    squared = -2.0 * np.log(unit.astype(np.float64))
+    assert exact.squared_radius(words[0]) == pytest.approx(squared, rel=2e-6)
+    turns = exact.wrap_turns(unit)
     angle = 2 * np.pi * unit.astype(np.float64)
-    assert np.abs(exact.sine(unit) - np.sin(angle)).max() < 3e-7
-    assert np.abs(exact.cosine(unit) - np.cos(angle)).max() < 3e-7
+    assert np.abs(exact.sine(turns) - np.sin(angle)).max() < 3e-7
+    assert np.abs(exact.cosine(turns) - np.cos(angle)).max() < 3e-7
     numbers = -700.0 * unit.astype(np.float64)
     assert exact.exp(numbers) == pytest.approx(np.exp(numbers), rel=1e-14)
     assert exact.log2(np.exp(numbers)) == pytest.approx(np.log2(np.exp(numbers)), abs=1e-12)
 
 
 def test_random_deviates_are_normal_and_independent() -> None:
-    normals = np.stack(exact.standard_normals(random_words(5, 7, 0, 200_000)))
-    assert normals.mean(axis=1) == pytest.approx([0.0] * 3, abs=0.01)
-    assert np.cov(normals) == pytest.approx(np.eye(3), abs=0.01)
-    assert (normals**4).mean(axis=1) == pytest.approx([3.0] * 3, abs=0.06)
+    normals = exact.standard_normals(random_words(5, 7, 0, 200_000))
+    assert normals.mean(axis=1) == pytest.approx([0.0] * 4, abs=0.01)
+    assert np.cov(normals) == pytest.approx(np.eye(4), abs=0.01)
+    assert np.cov(normals**2) == pytest.approx(2.0 * np.eye(4), abs=0.06)
+    assert kstest(normals.ravel(), "norm").pvalue > 0.01
+
+
+@given(SEEDS, st.integers(0, 2**64 - 1), st.integers(0, 2**32 - 1), st.integers(0, 2**32 - 9))
+def test_random_words_are_those_of_their_numbers(
+    seed: int, tick: int, purpose: int, first: int
+) -> None:
+    together = random_words(seed, tick, purpose, 8, first)
+    for nth in range(8):
+        alone = random_words(seed, tick, purpose, 1, first + nth)
+        assert np.array_equal(alone[:, 0], together[:, nth])
 
 
 @given(LOG_WEIGHTS)
