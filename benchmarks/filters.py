@@ -177,9 +177,9 @@ def summary_table(here: Town) -> list[str]:
     """Return what it costs to say where the device is."""
     rows = [
         (
-            "Saying where the device is, 8000 particles: modes with covariance, regions 50/90/95 %, "
-            f"of a device that walks {STEPS} steps of {_STRIDE_M} m and counts what is due where "
-            f"it is, the median step of the best of {ROUNDS} rounds."
+            "Saying where a device is, 8000 particles: modes with covariance, regions 50/90/95 %. "
+            f"It walks {STEPS} steps of {_STRIDE_M} m and counts what is due where it is; the "
+            f"median step of the best of {ROUNDS} rounds."
         ),
         "",
         "| posterior | backend | step, us | modes and regions, us | both, to the step |",
