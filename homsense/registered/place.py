@@ -64,7 +64,7 @@ class PlaceLikelihood:
         near = cKDTree(complex_.xy).sparse_distance_matrix(
             cKDTree(middles), KERNEL_CUT * width, output_type="ndarray"
         )
-        near.sort(order=("i", "j"))
+        near = near[np.argsort(near["i"] * len(middles) + near["j"])]
         scan, self._block = near["i"], near["j"].astype(np.intp)
         self._start = np.searchsorted(scan, np.arange(complex_.size + 1))
         apart = np.sqrt(np.square(middles[self._block] - complex_.xy[scan]).sum(axis=1))

@@ -3,8 +3,11 @@
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import array_shapes, arrays
+from scipy import ndimage
 
 from homsense import Hearing, Reading
+from homsense.registered.ground import nearness_m
 from homsense.registered.similarity import ScanIndex
 
 DBM = st.integers(-80, -40)
@@ -60,3 +63,18 @@ def test_many_scans_are_compared_like_one(
     index = ScanIndex.of([hearing.signature(readings(scan)) for scan in scans])
     together = index.similarities(hearing.signature(readings(one)))
     assert np.allclose(together, [similarity(hearing, one, scan) for scan in scans])
+
+
+@given(
+    array_shapes(min_dims=2, max_dims=2, max_side=30).flatmap(
+        lambda shape: arrays(np.bool_, shape, fill=st.just(False))
+    ),
+    st.sampled_from([0.3, 1.0, 3.2, 20.0]),
+    st.sampled_from([6.0, 10.0]),
+)
+def test_nearness_is_what_the_exact_distance_leaves_of_the_cap(
+    cells: np.ndarray, cell_m: float, cap_m: float
+) -> None:
+    away = ndimage.distance_transform_edt(~cells) if cells.any() else np.inf
+    exact = np.maximum(cap_m - cell_m * away, 0.0)
+    assert np.array_equal(nearness_m(cells, cell_m, cap_m), np.broadcast_to(exact, cells.shape))
