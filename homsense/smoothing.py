@@ -76,8 +76,19 @@ def smooth(
     Returns
     -------
     RegisteredComplex
-        The same scans at the means of the tracks drawn.
+        The same scans at the means of the tracks drawn, under each placement.
     """
+    xy, *rivals = (_smoothed(one, scans, site_map, free_space, seed) for one in found.placed)
+    return replace(found, xy=xy, rivals=tuple(rivals))
+
+
+def _smoothed(
+    found: RegisteredComplex,
+    scans: Sequence[WalkScan],
+    site_map: SiteMap,
+    free_space: FreeSpace,
+    seed: int,
+) -> FloatArray:
     place = PlaceLikelihood(found.thinned(), free_space)
     xy = found.xy.copy()
     rng = np.random.Generator(np.random.Philox(seed))
@@ -95,7 +106,7 @@ def smooth(
         )
         localizer = _localizer(place.without(walk), site_map, start)
         xy[which] = _tracks(localizer, place.complex, made, rng).mean(axis=1)
-    return replace(found, xy=xy)
+    return xy
 
 
 def extend(
@@ -124,7 +135,8 @@ def extend(
     Returns
     -------
     RegisteredComplex
-        The scans that it had where they are, and those others whose places the tracks agree on.
+        The scans that it had where they are, and those others whose places the tracks agree on;
+        under the best placement alone.
     """
     place = PlaceLikelihood(found.thinned(), free_space)
     others = np.setdiff1d(np.arange(len(scans)), found.source)
@@ -148,6 +160,7 @@ def extend(
         xy=np.concatenate([found.xy, xy[known]]),
         signatures=(*found.signatures, *(crowd.signatures[i] for i in np.flatnonzero(known))),
         source=np.concatenate([found.source, source[known]]),
+        rivals=(),
     )
 
 

@@ -46,11 +46,12 @@ class Expectation:
 
 @dataclass(frozen=True, slots=True)
 class Placement:
-    """One way to lay the crowd on the map."""
+    """One way to lay the crowd on the map, and how probable it is among those that fit."""
 
     rotation_rad: float
     scale: float
     cost_m: float
+    probability: float
 
 
 @dataclass(frozen=True, slots=True)

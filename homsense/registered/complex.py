@@ -88,6 +88,8 @@ class RegisteredComplex:
         How the crowd was placed.
     source : ndarray, shape (N,), int64
         Which of the scans that were given.
+    rivals : tuple of ndarray, shape (N, 2), float64
+        Where the scans lie under the next placements, as long as these are nearly as good.
     """
 
     hearing: Hearing
@@ -97,6 +99,14 @@ class RegisteredComplex:
     reach_m: float
     registration: Registration
     source: IntArray
+    rivals: tuple[FloatArray, ...] = ()
+
+    @property
+    def placed(self) -> tuple[Self, ...]:
+        """The crowd under each placement that it may have, the best first."""
+        if not self.rivals:
+            return (self,)
+        return tuple(replace(self, xy=xy, rivals=()) for xy in (self.xy, *self.rivals))
 
     @property
     def size(self) -> int:
@@ -122,6 +132,7 @@ class RegisteredComplex:
             xy=self.xy[scans],
             signatures=tuple(self.signatures[scan] for scan in np.flatnonzero(scans).tolist()),
             source=self.source[scans],
+            rivals=tuple(xy[scans] for xy in self.rivals),
         )
 
     def thinned(self, enough: int = ENOUGH) -> Self:

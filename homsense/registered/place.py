@@ -12,14 +12,13 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from homsense.code_map import NOWHERE, CodeMap
 from homsense.errors import InvalidInputError
-from homsense.exact import exp
+from homsense.exact import exp, log2
 from homsense.free_space import FreeSpace
 from homsense.height import HeightMap
-from homsense.ragged import spread
+from homsense.registered.blocks import Blocks
 from homsense.registered.complex import RegisteredComplex, Sighting
 from homsense.scalar import LN_2
 from homsense.stages import cells_at
@@ -28,8 +27,6 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 BLOCK_SHARE = 1.0 / 6.0
-KERNEL_SHARE, KERNEL_CUT = 1.0, 2.5
-NOBODY = 2.0
 INDEPENDENT = 2.0
 CORRELATION_SHARE = 0.55
 BLUR_M = 5.0
@@ -46,6 +43,9 @@ _ASKED = 200
 class PlaceLikelihood:
     """How well each block of a map explains a scan.
 
+    Where a crowd may lie in several ways, they are averaged with their probabilities until the
+    data decide.
+
     Parameters
     ----------
     complex_ : RegisteredComplex
@@ -59,22 +59,8 @@ class PlaceLikelihood:
         self.code_map = CodeMap.blocks(free_space, BLOCK_SHARE * complex_.reach_m)
         self.correlation_m = CORRELATION_SHARE * complex_.reach_m
         self.blur_m = BLUR_M
-        width = KERNEL_SHARE * complex_.reach_m
         middles = self.code_map.expected[1:]
-        near = cKDTree(complex_.xy).sparse_distance_matrix(
-            cKDTree(middles), KERNEL_CUT * width, output_type="ndarray"
-        )
-        near = near[np.argsort(near["i"] * len(middles) + near["j"])]
-        scan, self._block = near["i"], near["j"].astype(np.intp)
-        self._start = np.searchsorted(scan, np.arange(complex_.size + 1))
-        apart = np.sqrt(np.square(middles[self._block] - complex_.xy[scan]).sum(axis=1))
-        self._kernel = exp(-0.5 * np.square(apart / width))
-        self._total = NOBODY + np.bincount(self._block, self._kernel, len(middles))
-        ring = complex_.ring(apart)
-        silent = complex_.nats[:, 0]
-        self._silent = np.bincount(self._block, self._kernel * silent[ring], len(middles))
-        self._gain = (complex_.nats - silent[:, None]).ravel()
-        self._gain_of = (ring * complex_.nats.shape[1]).astype(np.int32)
+        self._placed = tuple(Blocks.of(placed, middles) for placed in complex_.placed)
 
     def covers(self, xy: FloatArray) -> BoolArray:
         """Tell where the crowd has been, to the cell of the map.
@@ -87,7 +73,8 @@ class PlaceLikelihood:
         Returns
         -------
         ndarray, shape (N,), bool
-            What `RegisteredComplex.covers` tells of the middles of their cells; False off the map.
+            What `RegisteredComplex.covers` tells of the middles of their cells, under any of the
+            placements; False off the map.
         """
         return self._covered[self.code_map.free_space.grid.flat_index(xy)]
 
@@ -110,7 +97,8 @@ class PlaceLikelihood:
 
     @cached_property
     def _covered(self) -> BoolArray:
-        covered = self.complex.covers(self.code_map.free_space.grid.centers())
+        centers = self.code_map.free_space.grid.centers()
+        covered = np.any([placed.covers(centers) for placed in self.complex.placed], axis=0)
         return np.append(covered, False)
 
     @cached_property
@@ -142,18 +130,9 @@ class PlaceLikelihood:
         PlaceLikelihood
             As if this walk had not been made; it takes the same sightings.
         """
-        begin, end = self._start[np.searchsorted(self.complex.walk, [walk, walk + 1])]
-        block, kernel = self._block[begin:end], self._kernel[begin:end]
-        ring = self._gain_of[begin:end] // self.complex.nats.shape[1]
-        silent = kernel * self.complex.nats[ring, 0]
-        left = self._kernel.copy()
-        left[begin:end] = 0.0
+        first, last = np.searchsorted(self.complex.walk, [walk, walk + 1]).tolist()
         others = copy.copy(self)
-        vars(others).update(
-            _kernel=left,
-            _total=self._total - np.bincount(block, kernel, len(self._total)),
-            _silent=self._silent - np.bincount(block, silent, len(self._silent)),
-        )
+        vars(others)["_placed"] = tuple(one.without(first, last) for one in self._placed)
         return others
 
     def __call__(self, sighting: Sighting) -> FloatArray:
@@ -178,16 +157,21 @@ class PlaceLikelihood:
         if len(scan) and not 0 <= scan.min() <= scan.max() < self.complex.size:
             message = "the sighting is of another complex"
             raise InvalidInputError(message, "sighting")
-        size = self._start[scan + 1] - self._start[scan]
-        _, entry = spread(self._start[scan], size)
-        gain_of = self._gain_of.take(entry)
-        gain_of += np.repeat(level, size)
-        gain = self._gain.take(gain_of)
-        gain *= self._kernel.take(entry)
-        heard = np.bincount(self._block.take(entry), gain, len(self._silent))
-        nats = (self._silent + heard) / self._total
+        nats = self._averaged([blocks.nats(scan, level) for blocks in self._placed])
         bits = (INDEPENDENT / LN_2) * (nats - nats.max())
         return np.concatenate([[_NOTHING_BITS], bits])
+
+    def _averaged(self, nats: list[FloatArray]) -> FloatArray:
+        """Return the nats of the mean likelihood over the placements."""
+        if len(nats) == 1:
+            return nats[0]
+        probabilities = self.complex.registration.probabilities[: len(nats)]
+        best = np.max(nats, axis=0)
+        mean = sum(
+            probability * exp(INDEPENDENT * (each - best))
+            for probability, each in zip(probabilities, nats, strict=True)
+        )
+        return np.asarray(best + log2(mean) * (LN_2 / INDEPENDENT))
 
 
 class HolesAtPlace:

@@ -133,6 +133,9 @@ class LaidOutCrowd:
             settled.append((placement._replace(cost_m=ground.mismatch_m(xy) + unlikely), xy))
         settled.sort(key=lambda pair: pair[0].cost_m)
         distinct = apart((xy for _, xy in settled), DISTINCT_M, len(settled))
+        registration = Registration(
+            tuple(settled[number][0] for number in distinct), mirrored.cost_m - best_m
+        )
         on_stage("settled")
         return RegisteredComplex(
             self.hearing,
@@ -140,10 +143,9 @@ class LaidOutCrowd:
             settled[0][1],
             tuple(self.crowd.signatures[scan] for scan in np.flatnonzero(kept).tolist()),
             self.like.radio.reach_m,
-            Registration(
-                tuple(settled[number][0] for number in distinct), mirrored.cost_m - best_m
-            ),
+            registration,
             self.crowd.source[kept],
+            tuple(settled[number][1] for number in distinct[1 : registration.n_plausible]),
         )
 
     @cached_property

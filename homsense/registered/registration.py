@@ -8,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from homsense.exact import exp
 from homsense.free_space import FreeSpace
 from homsense.registered.ground import WORST_M, Ground
-from homsense.registered.matching import Fit, Matcher, Placement
+from homsense.registered.matching import M_PER_NAT, Fit, Matcher, Placement
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -52,6 +53,19 @@ class Registration:
         """How much better the best one is than the next, metres; `WORST_M` if there is none."""
         others = [placement.cost_m for placement in self.placements[1:]]
         return min(others, default=WORST_M + self.cost_m) - self.cost_m
+
+    @property
+    def probabilities(self) -> FloatArray:
+        """Of the placements, shape (P,), as if one of them were true: a nat for `M_PER_NAT`."""
+        costs = np.array([placement.cost_m for placement in self.placements])
+        weights = exp((costs[0] - costs) / M_PER_NAT)
+        return np.asarray(weights / weights.sum())
+
+    @property
+    def n_plausible(self) -> int:
+        """How many placements are nearly as good as the best, itself included."""
+        most = self.cost_m + DOUBTFUL_M
+        return sum(placement.cost_m < most for placement in self.placements)
 
     @property
     def is_doubtful(self) -> bool:

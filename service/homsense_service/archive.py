@@ -171,7 +171,8 @@ def _registered_bytes(found: Registered) -> bytes:
         "placements": crowd.registration.placements,
         "mirror_margin_m": crowd.registration.mirror_margin_m,
     }
-    return bundled(document, {"walk": crowd.walk, "xy": crowd.xy, "source": crowd.source})
+    arrays = {"walk": crowd.walk, "xy": crowd.xy, "source": crowd.source}
+    return bundled(document, {**arrays, "rivals": np.array(crowd.rivals)})
 
 
 def _registered(body: bytes, version: MapVersion, reachable: homsense.FreeSpace) -> Registered:
@@ -187,6 +188,7 @@ def _registered(body: bytes, version: MapVersion, reachable: homsense.FreeSpace)
             document["mirror_margin_m"],
         ),
         arrays["source"],
+        tuple(arrays["rivals"]),
     )
     likelihood = homsense.PlaceLikelihood(crowd, reachable)
     nobody = np.empty((0, 2))

@@ -72,8 +72,13 @@ def _placed(known: Registered) -> schemas.PlacedOut:
                 rotation_rad=placement.rotation_rad,
                 scale=placement.scale,
                 cost_m=placement.cost_m,
+                probability=probability,
             )
-            for placement in found.registration.placements
+            for placement, probability in zip(
+                found.registration.placements,
+                found.registration.probabilities.tolist(),
+                strict=True,
+            )
         ],
     )
 

@@ -19,39 +19,14 @@ from homsense_service.choosing import HELPFUL
 from homsense_service.settings import Settings
 from shapely.affinity import scale
 from shapely.geometry import mapping, shape
-from support.corridors import Building
+from support.corridors import Building, heard, posted
 from support.networks import until
 
-from homsense import Reading, WalkScan
 from homsense.registered import placing
 
 pytestmark = pytest.mark.xdist_group("floor")  # one worker sets it up
 SITE = "/v1/sites/floor"
 BUILDING = Building.of(0)
-
-
-def map_document() -> dict[str, Any]:
-    features = [{"type": "Feature", "properties": {"role": "domain"},
-        "geometry": mapping(BUILDING.site_map.domain)}]  # fmt: skip
-    features += [
-        {"type": "Feature", "properties": {}, "geometry": mapping(structure)}
-        for structure in BUILDING.site_map.structures
-    ]
-    return {"type": "FeatureCollection", "frame": "local", "features": features}
-
-
-def heard(readings: tuple[Reading, ...]) -> list[dict[str, Any]]:
-    return [{"id": reading.landmark, "rssi": reading.rssi_dbm} for reading in readings]
-
-
-def posted(scan: WalkScan) -> dict[str, Any]:
-    return {
-        "device": scan.walk,
-        "scan_id": str(scan.t_s),
-        "observed_at": scan.t_s,
-        "landmarks": heard(scan.readings),
-        "track": {"id": "1", "x_m": scan.x_m, "y_m": scan.y_m},
-    }
 
 
 def ready(api: TestClient, what: str = "registration") -> dict[str, Any]:
@@ -77,7 +52,7 @@ def floor(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
     settings = Settings(data=tmp_path_factory.mktemp("data"), cell_m=1.0, expectation_wait_s=120.0)
     with TestClient(create_app(settings)) as api:
         api.put(SITE, json={"wall_tolerance_m": 1.0})
-        api.put(f"{SITE}/map", json=map_document())
+        api.put(f"{SITE}/map", json=BUILDING.document())
         crowd = [posted(scan) for scan in BUILDING.crowd(10, 40)]
         for first in range(0, len(crowd), 500):
             answer = api.post(f"{SITE}/scans", json={"scans": crowd[first : first + 500]})
@@ -94,7 +69,7 @@ def test_the_crowd_knows_its_floor(floor: TestClient) -> None:
     floor.put(other, json={})
     refused = floor.post(f"{SITE}/floors", json={"sites": ["floor", "upstairs"]})
     assert (refused.status_code, refused.json()["code"]) == (409, "map_missing")
-    floor.put(f"{other}/map", json=turned_over(map_document()))
+    floor.put(f"{other}/map", json=turned_over(BUILDING.document()))
     unknown = floor.post(f"{SITE}/floors", json={"sites": ["floor", "cellar"]})
     assert (unknown.status_code, unknown.json()["code"]) == (404, "site_not_found")
     nobody = floor.post(f"{SITE}/floors", json={"sites": []})
@@ -159,7 +134,7 @@ def test_the_site_learns_what_it_counts_from_where_the_crowd_walks(floor: TestCl
 def test_the_same_map_put_again_leaves_the_crowd_where_it_is(floor: TestClient) -> None:
     ready(floor)
     before = knowing_the_crowd(floor)
-    floor.put(f"{SITE}/map", json=map_document())
+    floor.put(f"{SITE}/map", json=BUILDING.document())
     assert floor.post(f"{SITE}/expectation").json() == before
     floor.put(SITE, json={"wall_tolerance_m": 1.0, "max_age_s": 50.0})
     assert floor.post(f"{SITE}/expectation").json()["state"] == "building"
@@ -224,7 +199,7 @@ def test_a_session_may_join_the_crowd(floor: TestClient) -> None:
 
 def test_a_crowd_without_tracks_finds_no_place(floor: TestClient) -> None:
     floor.put("/v1/sites/silent", json={})
-    floor.put("/v1/sites/silent/map", json=map_document())
+    floor.put("/v1/sites/silent/map", json=BUILDING.document())
     request = {"sensor": {"type": "registered"}}
     answer = floor.post("/v1/sites/silent/sessions", json=request)
     assert (answer.status_code, answer.json()["code"]) == (409, "registration_failed")
@@ -252,7 +227,7 @@ def test_of_a_large_crowd_some_walks_are_laid_out_and_the_others_join(
     monkeypatch.setattr(registering, "MOST_LAID_OUT", most)
     with TestClient(create_app(Settings(data=tmp_path, cell_m=1.0))) as api:
         api.put(SITE, json={"wall_tolerance_m": 1.0})
-        api.put(f"{SITE}/map", json=map_document())
+        api.put(f"{SITE}/map", json=BUILDING.document())
         for first in range(0, len(crowd), 500):
             api.post(f"{SITE}/scans", json={"scans": crowd[first : first + 500]})
         assert api.post(f"{SITE}/expectation").status_code == 202

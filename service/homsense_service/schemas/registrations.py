@@ -16,6 +16,7 @@ class PlacementOut(Wire):
         description="Mean distance from the scans to the ground and from the ground to the scans, "
         "both bounded, and what rotation and scale are unlikely by."
     )
+    probability: float = Field(description="That it is this one of the placements.")
 
 
 class FitOut(Wire):
