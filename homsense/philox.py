@@ -1,6 +1,6 @@
 """Random bits without a state: Philox4x32-10 (Salmon, Moraes, Dror, Shaw 2011).
 
-The four words of particle i at a tick are a function of the seed, the tick, what they are for,
+The four words of number i at a tick are a function of the seed, the tick, what they are for,
 and i; so any tick can be computed again, in any order.
 """
 
