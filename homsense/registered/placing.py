@@ -115,7 +115,7 @@ class LaidOutCrowd:
         Returns
         -------
         RegisteredComplex
-            Of the parts that can be placed.
+            Of the parts that can be placed, under the best placement and those nearly as good.
         """
         kept = self._part >= 0
         shape, part = self.layout.xy[kept], self._part[kept]
@@ -190,7 +190,8 @@ def register_crowd(
     Returns
     -------
     RegisteredComplex
-        Of the parts that can be placed, of no more than `MOST_LAID_OUT` or so.
+        Of the parts that can be placed, of no more than `MOST_LAID_OUT` scans or so, under the
+        best placement and those nearly as good.
 
     Raises
     ------
