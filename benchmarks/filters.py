@@ -41,8 +41,7 @@ PEERS = Path(".venv-peers", "bin", "python")
 DELTA = Delta(5.0, 0.0, 0.02, std=(0.8, 0.8, 0.05))
 _START, _STRIDE_M = (70.0, 300.0), 0.6
 _STANDING = Relocation()
-_WALLS = "walls and relocation, too"
-_WORK = ("what the peers do", _WALLS)
+_WORK = {"what the peers do": False, "walls and relocation, too": True}
 NOISE = CountNoise(sigma=3.0, floor=0.02, correlation_m=5.0)
 
 
@@ -105,10 +104,11 @@ def table() -> list[str]:
             ours: dict[str, list[dict[str, float]]] = {work: [] for work in _WORK}
             for _ in range(ROUNDS):
                 theirs.append(ask(size))
-                for work, spent in ours.items():
-                    spent.append({b.name: _step_s(here, b, size, work) for b in backends})
+                for work, whole in _WORK.items():
+                    spent = {b.name: _step_s(here, b, size, whole=whole) for b in backends}
+                    ours[work].append(spent)
             rows += [
-                f"| {size} | {work} " + _row(size, spent, theirs) for work, spent in ours.items()
+                f"| {size} | {work} " + _row(size, rounds, theirs) for work, rounds in ours.items()
             ]
     return [*rows, "", *summary_table(here)]
 
@@ -161,10 +161,9 @@ def counts() -> list[tuple[int, int]]:
     return [(int(near), int(far)) for near, far in drawn]
 
 
-def _step_s(here: Town, backend: Backend, size: int, work: str) -> float:
-    walls = work == _WALLS
-    recovery = _STANDING if walls else None
-    localizer = _localizer(here, backend, size, recovery=recovery, walls=walls)
+def _step_s(here: Town, backend: Backend, size: int, *, whole: bool) -> float:
+    recovery = _STANDING if whole else None
+    localizer = _localizer(here, backend, size, recovery=recovery, walls=whole)
     state, spent = localizer.start(SEED), []
     for measured in counts()[: WARM_STEPS + STEPS]:
         started = time.thread_time()

@@ -138,7 +138,8 @@ def extend(
         The scans that it had where they are, and those others whose places the tracks agree on;
         under the best placement alone.
     """
-    place = PlaceLikelihood(found.thinned(), free_space)
+    best, *_ = found.placed
+    place = PlaceLikelihood(best.thinned(), free_space)
     others = np.setdiff1d(np.arange(len(scans)), found.source)
     rng = np.random.Generator(np.random.Philox(seed))
     crowd = Crowd.of([scans[number] for number in others.tolist()], found.hearing)
@@ -155,12 +156,11 @@ def extend(
         spread = np.sqrt(tracks.var(axis=1).sum(axis=1))
         known[which] = spread <= KNOWN_SHARE * found.reach_m
     return replace(
-        found,
+        best,
         walk=np.concatenate([found.walk, found.walk[-1] + 1 + crowd.walk[known]]),
         xy=np.concatenate([found.xy, xy[known]]),
         signatures=(*found.signatures, *(crowd.signatures[i] for i in np.flatnonzero(known))),
         source=np.concatenate([found.source, source[known]]),
-        rivals=(),
     )
 
 

@@ -188,25 +188,23 @@ def blocked(
     before, after = clearances_m(walls, x_m, y_m), clearances_m(walls, to_x_m, to_y_m)
     reach = before + after
     stopped = after < 0
-    near = np.flatnonzero((before < 0) | (square > reach * reach))
-    near = near[~stopped[near]]
+    near = np.flatnonzero(~stopped & ((before < 0) | (square > reach * reach)))
     length = np.sqrt(square[near])
     first, until = np.maximum(before[near], walls.half_cell_m), length - after[near]
     ways = np.stack([x_m[near], y_m[near], right[near], up[near], length, first, until])
     strides = _STRIDES
-    while True:
-        on_the_way = np.flatnonzero(ways[5] + strides[0] * walls.half_cell_m < ways[6])
-        if not len(on_the_way):
-            return stopped
-        near, ways = near.take(on_the_way), ways.take(on_the_way, 1)
+    while len(near):
         from_x, from_y, east, north, length, first, until = ways[:, :, None]
         gone = first + strides * walls.half_cell_m
         part = gone / length
         cells = cells_at(walls.raster, from_x + east * part, from_y + north * part)
         met = ((walls.clearance.take(cells) == 0) & (gone < until)).any(axis=1)
         stopped[near] = met
-        ways[6, met] = NOTHING
         strides = strides + np.float32(len(strides))
+        goes_on = (first + strides[0] * walls.half_cell_m < until)[:, 0]
+        on_the_way = np.flatnonzero(goes_on & ~met)
+        near, ways = near.take(on_the_way), ways.take(on_the_way, 1)
+    return stopped
 
 
 class Reweighed(NamedTuple):

@@ -98,7 +98,8 @@ class Blocks(NamedTuple):
         """
         begin, end = self.start[[first, last]]
         block, kernel = self.block[begin:end], self.kernel[begin:end]
-        ring = self.row[begin:end] * len(self.nothing) // len(self.gain)
+        levels = len(self.gain) // len(self.nothing)
+        ring = self.row[begin:end] // levels
         left = self.kernel.copy()
         left[begin:end] = 0.0
         return self._replace(

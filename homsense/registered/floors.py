@@ -1,6 +1,5 @@
 """Which floor a crowd walks on: the same layout placed on the map of each."""
 
-import math
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
@@ -8,7 +7,7 @@ from homsense.errors import InvalidInputError
 from homsense.free_space import FreeSpace
 from homsense.registered.complex import RegisteredComplex
 from homsense.registered.crowd import WalkScan
-from homsense.registered.matching import M_PER_NAT
+from homsense.registered.matching import probabilities
 from homsense.registered.placing import LaidOutCrowd
 from homsense.registered.similarity import Hearing
 
@@ -21,7 +20,7 @@ class FloorFit(NamedTuple):
     name : str
         The floor.
     probability : float
-        That it is this one of them; a nat for each `M_PER_NAT` of cost.
+        That it is this one of them; see `homsense.registered.matching.probabilities`.
     complex : RegisteredComplex
         The crowd on its map.
     """
@@ -67,11 +66,8 @@ def rank_floors(
         raise InvalidInputError(message, "floors")
     crowd = LaidOutCrowd.of(scans, hearing)
     placed = {name: crowd.on(ground, rotation_sd_rad) for name, ground in floors.items()}
-    costs = {name: found.registration.cost_m for name, found in placed.items()}
-    best = min(costs.values())
-    weights = {name: math.exp((best - cost) / M_PER_NAT) for name, cost in costs.items()}
-    total = sum(weights.values())
+    ranked = sorted(placed.items(), key=lambda entry: entry[1].registration.cost_m)
+    shares = probabilities([found.registration.cost_m for _, found in ranked]).tolist()
     return [
-        FloorFit(name, weights[name] / total, placed[name])
-        for name in sorted(costs, key=costs.__getitem__)
+        FloorFit(name, share, found) for (name, found), share in zip(ranked, shares, strict=True)
     ]

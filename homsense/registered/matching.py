@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
+from homsense.exact import exp
 from homsense.registered.ground import OFF_GROUND_M, UNCOVERED_M, WORST_M, Ground, nearness_m
 
 FloatArray = NDArray[np.float64]
@@ -130,6 +131,28 @@ def unlikely_m(rotation_rad: float, scale: float, rotation_sd_rad: float | None)
     if rotation_sd_rad is not None:
         nats += 0.5 * (math.remainder(rotation_rad, math.tau) / rotation_sd_rad) ** 2
     return M_PER_NAT * nats
+
+
+def probabilities(costs_m: Sequence[float]) -> FloatArray:
+    """Return how probable placements of one crowd are if one of them is true.
+
+    Parameters
+    ----------
+    costs_m : sequence of float
+        Of each, metres; at least one.
+
+    Returns
+    -------
+    ndarray, shape (P,), float64
+        Their sum is 1; a nat for each `M_PER_NAT`.
+
+    Examples
+    --------
+    >>> probabilities([2.0, 2.0]).tolist()
+    [0.5, 0.5]
+    """
+    weights = exp((min(costs_m) - np.asarray(costs_m)) / M_PER_NAT)
+    return np.asarray(weights / weights.sum())
 
 
 class _Image(NamedTuple):

@@ -8,10 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from homsense.exact import exp
 from homsense.free_space import FreeSpace
 from homsense.registered.ground import WORST_M, Ground
-from homsense.registered.matching import M_PER_NAT, Fit, Matcher, Placement
+from homsense.registered.matching import Fit, Matcher, Placement, probabilities
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -56,10 +55,8 @@ class Registration:
 
     @property
     def probabilities(self) -> FloatArray:
-        """Of the placements, shape (P,), as if one of them were true: a nat for `M_PER_NAT`."""
-        costs = np.array([placement.cost_m for placement in self.placements])
-        weights = exp((costs[0] - costs) / M_PER_NAT)
-        return np.asarray(weights / weights.sum())
+        """Of the placements, shape (P,), as if one of them were true."""
+        return probabilities([placement.cost_m for placement in self.placements])
 
     @property
     def n_plausible(self) -> int:
@@ -70,7 +67,7 @@ class Registration:
     @property
     def is_doubtful(self) -> bool:
         """Whether another placement is nearly as good, or the mirror image is: a wrong map."""
-        return self.margin_m < DOUBTFUL_M or self.mirror_margin_m < MIRRORED_M
+        return self.n_plausible > 1 or self.mirror_margin_m < MIRRORED_M
 
 
 class PlacedParts(NamedTuple):

@@ -154,6 +154,7 @@ def test_random_deviates_are_normal_and_independent() -> None:
     normals = exact.standard_normals(random_words(5, 7, 0, 200_000))
     assert normals.mean(axis=1) == pytest.approx([0.0] * 4, abs=0.01)
     assert np.cov(normals) == pytest.approx(np.eye(4), abs=0.01)
+    assert (normals**4).mean(axis=1) == pytest.approx([3.0] * 4, abs=0.06)
     assert np.cov(normals**2) == pytest.approx(2.0 * np.eye(4), abs=0.06)
     assert kstest(normals.ravel(), "norm").pvalue > 0.01
 
