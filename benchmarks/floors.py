@@ -10,10 +10,9 @@ from pathlib import Path
 
 from accuracy import OUT
 from homsense_cli.accuracy.walks import Recorded, floor_crowd
+from homsense_cli.recorded import floor_names
 
 from homsense import FloorFit, rank_floors
-
-FLOORS = "site1_F2", "site1_F3", "site1_F4"
 
 
 def table(ranked: Mapping[str, Sequence[FloorFit]]) -> Iterator[str]:
@@ -21,18 +20,18 @@ def table(ranked: Mapping[str, Sequence[FloorFit]]) -> Iterator[str]:
     yield "# The crowd of each floor on the map of each"
     yield ""
     yield (
-        "Cost of the best placement, probability that it is this floor of the three, and what the "
+        "Cost of the best placement, probability that it is this floor of them, and what the "
         "mirror image of the crowd costs more; headings unknown. Made by `benchmarks/floors.py`."
     )
     yield ""
-    yield "| crowd of | " + " | ".join(f"on {floor}" for floor in FLOORS) + " |"
-    yield "|---" * (1 + len(FLOORS)) + "|"
+    yield "| crowd of | " + " | ".join(f"on {floor}" for floor in ranked) + " |"
+    yield "|---" * (1 + len(ranked)) + "|"
     for name, fits in ranked.items():
         of = {fit.name: fit for fit in fits}
         cells = [
             f"{of[floor].complex.registration.cost_m:.2f} m, {of[floor].probability:.3f}, "
             f"{of[floor].complex.registration.mirror_margin_m:+.2f} m"
-            for floor in FLOORS
+            for floor in ranked
         ]
         yield f"| {name} | " + " | ".join(cells) + " |"
 
@@ -40,7 +39,7 @@ def table(ranked: Mapping[str, Sequence[FloorFit]]) -> Iterator[str]:
 def main() -> int:
     """Measure, write, and say what is wrong; return the exit code."""
     recorded = Recorded(Path(sys.argv[1]) / "ilc20")
-    floors = {name: floor_crowd(recorded, name) for name in FLOORS}
+    floors = {name: floor_crowd(recorded, name) for name in floor_names(recorded.directory)}
     grounds = {name: ground for name, (_, ground) in floors.items()}
     ranked = {
         name: rank_floors(crowd, grounds, hearing=recorded.hearing)
@@ -54,7 +53,7 @@ def main() -> int:
         for name, fits in ranked.items()
         if fits[0].name != name
     ]
-    print("\n".join(mistaken) or f"{len(FLOORS)} of {len(FLOORS)} crowds know their floor")
+    print("\n".join(mistaken) or f"{len(ranked)} of {len(ranked)} crowds know their floor")
     return 1 if mistaken else 0
 
 

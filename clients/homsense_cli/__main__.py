@@ -16,7 +16,7 @@ app = typer.Typer(
 )
 
 FAILED, MISUSE = 1, 2
-TABLE_WIDTH = 136
+TABLE_WIDTH = 176
 
 SeedOption = Annotated[int, typer.Option(min=0, help="Decides world, paths and noise.")]
 KeyOption = Annotated[

@@ -59,6 +59,8 @@ class Trace:
 
     def reckoned(self, t_s: float) -> tuple[float, float]:
         """Return where the phone believes to be, by its own steps from where it began."""
+        if not len(self.steps):
+            return 0.0, 0.0
         seconds, heading, length = self.steps.T
         x, y = np.cumsum(length * np.cos(heading)), np.cumsum(length * np.sin(heading))
         east, north = (float(np.interp(t_s, seconds, axis, left=0.0)) for axis in (x, y))
@@ -111,6 +113,11 @@ def chosen_floors(directory: Path, floors: Sequence[str]) -> tuple[str, ...]:
     return found
 
 
+def no_walk(min_chain_m: float = MIN_CHAIN_M) -> str:
+    """Say what a folder or a floor lacks."""
+    return f"no walk of {min_chain_m:.0f} m or more"
+
+
 def read_floor(directory: Path, name: str, min_chain_m: float = MIN_CHAIN_M) -> Floor:
     """Read a floor.
 
@@ -127,17 +134,34 @@ def read_floor(directory: Path, name: str, min_chain_m: float = MIN_CHAIN_M) -> 
     -------
     Floor
         Metres, x east, y north.
+
+    Raises
+    ------
+    ValueError
+        If the floor is not in ``chains.json``, or a recording that a walk consists of is missing.
     """
     bssid = read_json(directory / "bssid.json.gz")
     with gzip.open(directory / "traces" / f"{name}.jsonl.gz", "rt") as lines:
         traces = [_trace(json.loads(line), bssid) for line in lines]
-    chains = json.loads((directory / "chains.json").read_text())[name]["chains"]
     return Floor(
         name,
         _floor_map(read_json(directory / "maps" / f"{name}.local.json.gz")),
         {trace.id: trace for trace in traces},
-        [chain["traces"] for chain in chains if chain["length_m"] >= min_chain_m],
+        _chains(directory / "chains.json", name, min_chain_m, {trace.id for trace in traces}),
     )
+
+
+def _chains(path: Path, floor: str, min_chain_m: float, known: set[str]) -> list[list[str]]:
+    of_floor = read_json(path).get(floor)
+    if of_floor is None:
+        message = f"{path} does not name the floor {floor!r}"
+        raise ValueError(message)
+    long = [chain["traces"] for chain in of_floor["chains"] if chain["length_m"] >= min_chain_m]
+    unknown = {name for chain in long for name in chain} - known
+    if unknown:
+        message = f"{path} names {min(unknown)!r}, of which {floor} has no recording"
+        raise ValueError(message)
+    return long
 
 
 def crowd_scans(floor: Floor, without: list[str]) -> Iterator[dict[str, Any]]:
@@ -188,7 +212,7 @@ def body_motion(step: dict[str, Any]) -> tuple[float, float, float]:
 
 def start_heading(floor: Floor, chain: list[str]) -> float:
     """Return the compass heading of the first step, radians."""
-    return float(floor.traces[chain[0]].steps[0, 1])
+    return float(np.concatenate([floor.traces[name].steps for name in chain])[0, 1])
 
 
 def _trace(line: dict[str, Any], bssid: list[str]) -> Trace:

@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from statistics import median
 from typing import Any
 
-from homsense_client import Client, Complex, Session
+from homsense_client import Client, Complex, ResponseError, Session
 from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
@@ -23,6 +24,7 @@ from homsense_cli.recorded import (
     body_motion,
     chosen_floors,
     crowd_scans,
+    no_walk,
     read_floor,
     start_heading,
     walk_events,
@@ -30,6 +32,7 @@ from homsense_cli.recorded import (
 
 BATCH = 100
 SENSORS = ("homology", "registered", "both", "auto")
+UNPLACED = "none: not placed"
 SITE = {
     "max_age_s": 3.0,
     "landmark_key": "bssid",
@@ -51,7 +54,7 @@ class Score:
     complex : Complex
         Built from all other phones.
     sensor : str
-        What the session measured.
+        What the session measured; nothing when the crowd has found no place.
     error_m : float
         Median distance to the truth with it, metres.
     baseline_m : float
@@ -112,16 +115,22 @@ def run_replay(directory: Path, replay: Replay, console: Console) -> list[Score]
         One for each walk.
     """
     names = chosen_floors(directory, replay.floors)
+    floors = [read_floor(directory, name) for name in names]
+    if not any(floor.chains for floor in floors):
+        message = f"{directory} holds {no_walk()}"
+        raise ValueError(message)
     scores: list[Score] = []
     with (
         local_service(cell_m=1.0, height_cell_m=2.0) as url,
         Client(url, timeout_s=300.0) as client,
         Progress(console=console) as bars,
     ):
-        for name in names:
-            floor = read_floor(directory, name)
+        for floor in floors:
             walks = floor.chains[: replay.limit]
-            task = bars.add_task(f"{name}: {len(walks)} walks", total=len(walks))
+            if not walks:
+                bars.console.print(f"{floor.name} holds {no_walk()}")
+                continue
+            task = bars.add_task(f"{floor.name}: {len(walks)} walks", total=len(walks))
             for chain in walks:
                 scores.append(_replay_walk(client, floor, chain, replay))
                 bars.advance(task)
@@ -141,14 +150,16 @@ def _replay_walk(client: Client, floor: Floor, chain: list[str], replay: Replay)
         "type": "uniform",
         "heading": {"mean_rad": start_heading(floor, chain), "std_rad": HEADING_STD_RAD},
     }
-    with (
-        client.open_session(
-            site, seed=replay.seed, prior=prior, sensor={"type": replay.sensor}
-        ) as phone,
-        client.open_session(
-            site, seed=replay.seed, prior=prior, sensor={"type": "homology"}
-        ) as blind,
-    ):
+    opened = partial(client.open_session, site, seed=replay.seed, prior=prior)
+    try:
+        phone = opened(sensor={"type": replay.sensor})
+        sensor = phone.info.sensor
+    except ResponseError as error:
+        if error.code != "registration_failed":
+            raise
+        phone, sensor = opened(sensor={"type": "homology"}), UNPLACED
+        events = [replace(event, readings=None) for event in events]
+    with phone, opened(sensor={"type": "homology"}) as blind:
         errors = [_advance(phone, blind, event) for event in events]
     grown = client.get_complex(site)
     client.delete_site(site)
@@ -156,7 +167,7 @@ def _replay_walk(client: Client, floor: Floor, chain: list[str], replay: Replay)
         floor.name,
         sum(event.delta["length_m"] for event in events if event.delta),
         grown,
-        phone.info.sensor,
+        sensor,
         median(error for error, _ in errors),
         median(baseline for _, baseline in errors),
     )

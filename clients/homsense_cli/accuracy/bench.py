@@ -26,7 +26,7 @@ from homsense_cli.accuracy.scenario import IMUS, Scenario
 from homsense_cli.accuracy.scene import Scene, prepare
 from homsense_cli.accuracy.score import Score, Walks, by_walk, score, sign_test
 from homsense_cli.accuracy.walks import Recorded, floor_walks
-from homsense_cli.recorded import chosen_floors
+from homsense_cli.recorded import chosen_floors, no_walk
 
 Result = TypeVar("Result")
 Runs = dict[Control, Track]
@@ -185,7 +185,15 @@ def _measure_floors(
 ) -> list[Row]:
     names = chosen_floors(recorded.directory, recorded.floors)
     reading = [pool.submit(floor_walks, recorded, name, plan.hops) for name in names]
-    floors = _finished(bars, "floors tune", reading)
+    read = zip(names, _finished(bars, "floors tune", reading), strict=True)
+    floors = {name: walks for name, walks in read if walks}
+    lacking = f"holds {no_walk(recorded.min_chain_m)}"
+    if not floors:
+        message = f"{recorded.directory} {lacking}"
+        raise ValueError(message)
+    for name in names:
+        if name not in floors:
+            bars.console.print(f"{name} {lacking}")
     running = [
         pool.submit(
             run_controls,
@@ -194,18 +202,17 @@ def _measure_floors(
             (number, run),
             Filter(plan.particles, walk.prior, plan.only),
         )
-        for walks in floors
+        for walks in floors.values()
         for number, walk in enumerate(walks)
         for run in range(plan.runs)
     ]
     found = iter(_finished(bars, "phones walk", running))
-    by_floor = [list(islice(found, plan.runs * len(walks))) for walks in floors]
-    rows = [
-        Row.of(name, "steps", walks[0].scene, runs).by_walk(runs, plan.runs)
-        for name, walks, runs in zip(names, floors, by_floor, strict=True)
-    ]
-    everything = [run for runs in by_floor for run in runs]
-    total = Row.of("all floors", "steps", floors[0][0].scene, everything)
+    rows, everything = [], []
+    for name, walks in floors.items():
+        runs = list(islice(found, plan.runs * len(walks)))
+        rows.append(Row.of(name, "steps", walks[0].scene, runs).by_walk(runs, plan.runs))
+        everything += runs
+    total = Row.of("all floors", "steps", next(iter(floors.values()))[0].scene, everything)
     return [*rows, total.by_walk(everything, plan.runs)]
 
 

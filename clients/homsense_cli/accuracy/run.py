@@ -142,17 +142,28 @@ def run_controls(
     dict of str to Track
         ``homology`` counts holes, ``no homology`` knows motion and walls alone, ``shuffled`` has
         the counts in another order, ``true counts`` those that are expected where the device is.
-        With a registered crowd also ``registered``, ``elsewhere`` with scans of other places,
-        ``both`` for counts and crowd together, and ``holes at place`` for the counts that are
-        read where a scan seems to have been made.
+        ``registered`` looks a scan up among the crowd, ``elsewhere`` does so with scans of other
+        places, ``both`` has counts and crowd together, and ``holes at place`` the counts that are
+        read where a scan seems to have been made; a crowd that has found no place tells nothing.
     """
     counting = CodeLikelihood(scene.code_map, scene.noise)
     exact = CodeLikelihood(scene.code_map, scene.expectation.noise())
+
+    def counted() -> Sensed:
+        return Sensed(counting, [leg.counts for leg in legs])
+
+    def nothing() -> Sensed:
+        return Sensed(counting, [None for _ in legs])
+
     given: dict[Control, Callable[[], Sensed]] = {
-        "homology": lambda: Sensed(counting, [leg.counts for leg in legs]),
-        "no homology": lambda: Sensed(counting, [None for _ in legs]),
+        "homology": counted,
+        "no homology": nothing,
         "shuffled": lambda: Sensed(counting, [leg.counts for leg in shuffled(legs, [*seed, 4])]),
         "true counts": lambda: Sensed(exact, [leg.counts for leg in true_counts(scene, legs)]),
+        "registered": nothing,
+        "elsewhere": nothing,
+        "both": counted,
+        "holes at place": nothing,
     }
     if scene.crowd is not None:
         place, sightings = scene.crowd.likelihood, [leg.sighting for leg in legs]

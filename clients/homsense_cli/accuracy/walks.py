@@ -115,6 +115,8 @@ def floor_walks(recorded: Recorded, name: str, hops: tuple[int, ...] | None) -> 
         the scans of all other phones.
     """
     floor = read_floor(recorded.directory, name, recorded.min_chain_m)
+    if not floor.chains:
+        return []
     site_map = SiteMap.from_geojson(floor.map_document)
     free_space = FreeSpace.of(site_map, CELL_M)
 
@@ -169,15 +171,14 @@ def floor_crowd(recorded: Recorded, name: str) -> tuple[list[WalkScan], FreeSpac
 
 def _been(floor: Floor, chain: list[str], devices: set[str]) -> "cKDTree[None]":
     """Return where the crowd has truly made its scans."""
-    return cKDTree(
-        [
-            trace.position(t_s)
-            for trace in floor.traces.values()
-            if trace.id in devices - {*chain}
-            for t_s, readings in trace.scans
-            if readings
-        ]
-    )
+    places = [
+        trace.position(t_s)
+        for trace in floor.traces.values()
+        if trace.id in devices - {*chain}
+        for t_s, readings in trace.scans
+        if readings
+    ]
+    return cKDTree(np.array(places).reshape(-1, 2))
 
 
 def _thinned(scans: Iterable[dict[str, Any]], share: float) -> Iterator[dict[str, Any]]:
