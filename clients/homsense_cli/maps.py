@@ -7,6 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from homsense import InvalidMapError
+from homsense.geojson import read_features
+
 _GZIP = b"\x1f\x8b"
 
 
@@ -23,13 +26,20 @@ def read_map(path: Path, window_m: float | None = None) -> dict[str, Any]:
     Returns
     -------
     dict
-        FeatureCollection.
+        GeoJSON.
+
+    Raises
+    ------
+    ValueError
+        If the file holds neither.
     """
     document = read_json(path)
-    if not isinstance(document, dict):
-        message = f"{path} is not a map"
-        raise TypeError(message)
-    if "buildings" not in document:
+    if not isinstance(document, dict) or "buildings" not in document:
+        try:
+            read_features(document)
+        except InvalidMapError as error:
+            message = f"{path} is not a map: {error}"
+            raise ValueError(message) from error
         return dict(document)
     polygons = [polygon for entry in document["buildings"] for polygon in entry["poly"]]
     if window_m is not None:
@@ -38,9 +48,13 @@ def read_map(path: Path, window_m: float | None = None) -> dict[str, Any]:
 
 
 def read_json(path: Path) -> Any:  # noqa: ANN401 - parsed JSON
-    """Return the content of a JSON file, gzipped or not."""
+    """Return the content of a JSON file, gzipped or not; raise ValueError when it is none."""
     raw = path.read_bytes()
-    return json.loads(gzip.decompress(raw) if raw.startswith(_GZIP) else raw)
+    try:
+        return json.loads(gzip.decompress(raw) if raw.startswith(_GZIP) else raw)
+    except ValueError as error:
+        message = f"{path} is not JSON: {error}"
+        raise ValueError(message) from error
 
 
 def collection(features: list[dict[str, Any]]) -> dict[str, Any]:

@@ -25,7 +25,7 @@ class City:
         Footprints, disjoint.
     roads : networkx.Graph
         Nodes are (x, y) places; edges are straight and free of buildings.
-    district : shapely.Polygon, optional
+    district : shapely.Polygon or shapely.MultiPolygon, optional
         Where anybody can be at all, buildings not yet taken out; anywhere when absent.
     is_open : bool, default False
         Whether one walks straight to destinations; else along the streets.
@@ -33,7 +33,7 @@ class City:
 
     buildings: tuple[Polygon, ...]
     roads: "nx.Graph[tuple[float, float]]"
-    district: Polygon | None = None
+    district: BaseGeometry | None = None
     is_open: bool = False
 
 

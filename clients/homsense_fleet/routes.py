@@ -78,7 +78,7 @@ def _straightened(world: World, way: list[Place]) -> list[Place]:
 
 
 def _is_clear(world: World, here: Place, there: Place) -> bool:
-    return bool(shapely.distance(world.walls, LineString([here, there])) > CLEARANCE_M)
+    return bool(shapely.distance(world.barriers, LineString([here, there])) > CLEARANCE_M)
 
 
 def _next_corner(world: World, rng: Rng, before: Place | None, here: Place) -> Place:

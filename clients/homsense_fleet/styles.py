@@ -1,6 +1,7 @@
 """Styles of generated cities: a downtown of blocks, a grown old town, a campus. Pure."""
 
 from collections.abc import Callable
+from functools import partial
 from itertools import pairwise
 
 import networkx as nx
@@ -87,10 +88,7 @@ def scaled(city: City, scale: float) -> City:
     City
         Buildings and streets grow alike.
     """
-
-    def larger(area: Polygon) -> Polygon:
-        return affinity.scale(area, scale, scale, origin=(0.0, 0.0))
-
+    larger = partial(affinity.scale, xfact=scale, yfact=scale, origin=(0.0, 0.0))
     places = {place: (scale * place[0], scale * place[1]) for place in city.roads.nodes}
     district = None if city.district is None else larger(city.district)
     roads = nx.relabel_nodes(city.roads, places)

@@ -1,5 +1,6 @@
 """The true world: buildings, transmitters and radio. Pure; the estimator never sees it."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,6 +19,7 @@ Rng = np.random.Generator
 FloatArray = NDArray[np.float64]
 
 CLEARANCE_M = 2.0
+AROUND_M = 50.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +65,8 @@ class World:
         The radio model.
     walls : shapely.MultiPolygon
         All buildings, prepared for intersection tests.
+    barriers : shapely.Polygon or shapely.MultiPolygon
+        What nobody enters: the walls, and in a mapped world what lies beyond its domain.
     origin : tuple of float, optional
         (latitude, longitude) of the frame, degrees.
     """
@@ -73,11 +77,12 @@ class World:
     ids: tuple[str, ...]
     radio: Radio
     walls: MultiPolygon
+    barriers: BaseGeometry
     origin: tuple[float, float] | None = None
 
     def map_document(self) -> dict[str, Any]:
         """Return the unlabeled map as GeoJSON in local metres."""
-        areas: list[tuple[dict[str, str], Polygon]]
+        areas: list[tuple[dict[str, str], BaseGeometry]]
         areas = [({}, building) for building in self.city.buildings]
         if self.city.district is not None:
             areas.append(({"role": "domain"}, self.city.district))
@@ -97,8 +102,8 @@ class World:
         }
 
     def is_free(self, xy: FloatArray) -> bool:
-        """Tell whether a place is outside all buildings, with some clearance."""
-        return bool(shapely.distance(self.walls, shapely.points(xy)) > CLEARANCE_M)
+        """Tell whether somebody can be at a place, with some clearance."""
+        return bool(shapely.distance(self.barriers, shapely.points(xy)) > CLEARANCE_M)
 
     def in_view(self, xy: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
         """Return the transmitters with a free line of sight within range, and their distances."""
@@ -187,7 +192,8 @@ def world_from_geojson(
     Parameters
     ----------
     document : dict
-        FeatureCollection of polygons; metres when it says ``"frame": "local"``, else degrees.
+        Polygons, alone or as features of a collection; metres when it says ``"frame": "local"``,
+        else degrees. Where features have the role ``domain``, nobody leaves these.
     seed : int
         Decides the transmitters.
     n_transmitters : int, default 197
@@ -205,23 +211,51 @@ def world_from_geojson(
     Raises
     ------
     ValueError
-        If the map holds no polygon or no free space.
+        If the map holds no building or no free space.
     """
-    areas = [shape(feature["geometry"]) for feature in document.get("features", [])]
+    features = list(_features(document, "structure"))
+    areas = [area for _, area in features]
     origin = None
     if areas and document.get("frame") != "local":
         west, south, east, north = shapely.total_bounds(areas)
         origin = (float(south + north) / 2, float(west + east) / 2)
         areas = _to_metres(areas, origin)
-    merged = shapely.union_all(shapely.buffer(areas, 0.05))
+    by_role: dict[str, list[BaseGeometry]] = {"structure": [], "domain": []}
+    for (role, _), area in zip(features, areas, strict=True):
+        by_role[role].append(area)
+    merged = shapely.union_all(shapely.buffer(by_role["structure"], 0.05))
     outlines = [Polygon(part.exterior) for part in shapely.get_parts(merged)]
     buildings = tuple(shapely.get_parts(shapely.union_all(outlines)))
     if not buildings:
-        message = "the map holds no polygon"
+        message = "the map holds no building"
         raise ValueError(message)
-    city = City(buildings, _lattice(shapely.union_all(buildings)), is_open=True)
+    domain = shapely.union_all(by_role["domain"]) if by_role["domain"] else None
+    barriers = shapely.union_all([*buildings, *_beyond(domain)])
+    roads = _lattice(barriers, MultiPolygon(buildings) if domain is None else domain)
+    city = City(buildings, roads, domain, is_open=True)
     rng = np.random.default_rng([seed, 45])
-    return replace(_populate(name, city, rng, n_transmitters, radio or Radio()), origin=origin)
+    world = _populate(name, city, rng, n_transmitters, radio or Radio())
+    return replace(world, barriers=barriers, origin=origin)
+
+
+def _features(node: dict[str, Any], role: str) -> Iterator[tuple[str, BaseGeometry]]:
+    """Yield the areas of a document, each with its role."""
+    if node["type"] == "FeatureCollection":
+        for feature in node["features"]:
+            yield from _features(feature, role)
+    elif node["type"] == "Feature":
+        properties = node.get("properties") or {}
+        yield properties.get("role", role), shape(node["geometry"])
+    else:
+        yield role, shape(node)
+
+
+def _beyond(domain: BaseGeometry | None) -> list[BaseGeometry]:
+    """Return what surrounds a domain, if there is one."""
+    if domain is None:
+        return []
+    around = box(*domain.bounds).buffer(AROUND_M, join_style="mitre")
+    return [around.difference(domain)]
 
 
 def _to_metres(areas: list[Any], origin: tuple[float, float]) -> list[Any]:
@@ -241,11 +275,11 @@ def _populate(name: str, city: City, rng: Rng, count: int, radio: Radio) -> Worl
     shapely.prepare(district)
     places = _well_spread(rng, district, walls, count)
     ids = tuple(_bssid(rng) for _ in range(count))
-    return World(name, city, places, ids, radio, walls)
+    return World(name, city, places, ids, radio, walls, walls)
 
 
 def _well_spread(
-    rng: Rng, district: Polygon, walls: MultiPolygon, count: int, candidates: int = 40
+    rng: Rng, district: BaseGeometry, walls: MultiPolygon, count: int, candidates: int = 40
 ) -> FloatArray:
     """Place transmitters outside the walls, each the candidate farthest from those before it."""
     west, south, east, north = district.bounds
@@ -267,12 +301,12 @@ def _bssid(rng: Rng) -> str:
     return ":".join(f"{octet:02x}" for octet in octets)
 
 
-def _lattice(buildings: BaseGeometry, spacing_m: float = 8.0) -> Any:  # noqa: ANN401
-    """Return the largest connected lattice graph that keeps clear of the buildings."""
-    west, south, east, north = buildings.bounds
+def _lattice(barriers: BaseGeometry, about: BaseGeometry, spacing_m: float = 8.0) -> Any:  # noqa: ANN401
+    """Return the largest connected lattice graph that keeps clear of some barriers."""
+    west, south, east, north = about.bounds
     xs = np.arange(west - spacing_m, east + 1.5 * spacing_m, spacing_m)
     ys = np.arange(south - spacing_m, north + 1.5 * spacing_m, spacing_m)
-    blocked = buildings.buffer(CLEARANCE_M)
+    blocked = barriers.buffer(CLEARANCE_M)
     shapely.prepare(blocked)
     grid = nx.grid_2d_graph(len(xs), len(ys))
     edges = np.array(list(grid.edges))

@@ -91,7 +91,7 @@ def test_misuse_exits_with_two(arguments: list[str]) -> None:
     ("arguments", "code", "reason"),
     [
         (["serve", "--data", "{file}/x"], 2, "cannot be used"),
-        (["fleet", "--map", "{file}"], 2, "no polygon"),
+        (["fleet", "--map", "{file}"], 2, "is not a map: expected a FeatureCollection"),
         (["figures", "{file}"], 2, "recorded run"),
         (["replay", "{directory}"], 2, "no recordings"),
         (["replay", "{directory}", "--sensor", "sixth"], 2, "--sensor must be"),

@@ -9,6 +9,7 @@ import shapely
 from homsense_fleet.device import OdometryNoise, drive, phone_scans
 from homsense_fleet.routes import walk_positions, wander
 from homsense_fleet.world import Radio, downtown_44, world_from_geojson
+from shapely.geometry import LineString, box, mapping
 from support.builders import SITE_MAP
 
 
@@ -104,5 +105,29 @@ def test_any_geojson_map_can_be_loaded() -> None:
     on_earth = world_from_geojson(degrees, 1, n_transmitters=5)
     assert on_earth.origin == pytest.approx((60.1705, 24.9405))
     assert on_earth.walls.area == pytest.approx(55.5 * 111.4, rel=0.02)
-    with pytest.raises(ValueError, match="no polygon"):
+    with pytest.raises(ValueError, match="no building"):
         world_from_geojson({"type": "FeatureCollection", "features": []}, 1)
+
+
+def test_nobody_leaves_the_domain_of_a_map() -> None:
+    hall = box(0, 0, 200, 200) - box(14, 14, 186, 186)
+    features = [
+        {"type": "Feature", "properties": {"role": role}, "geometry": mapping(area)}
+        for role, area in (("domain", hall), ("structure", box(0, 90, 2, 110)))
+    ]
+    document = {"type": "FeatureCollection", "frame": "local", "features": features}
+    world = world_from_geojson(document, 1, n_transmitters=12)
+    assert len(world.city.buildings) == 1
+    assert shapely.contains_xy(hall, world.transmitters).all()
+    assert hall.contains(LineString(wander(world, np.random.default_rng(1), 2000.0)))
+    assert world.is_free(np.array([7.0, 40.0]))
+    assert not world.is_free(np.array([100.0, 100.0]))
+    assert not world.is_free(np.array([-10.0, 40.0]))
+    again = world_from_geojson(world.map_document(), 1, n_transmitters=12)
+    assert np.array_equal(again.transmitters, world.transmitters)
+
+
+def test_a_map_may_be_a_bare_polygon() -> None:
+    square = {"type": "Polygon", "coordinates": [[[0, 0], [60, 0], [60, 60], [0, 60], [0, 0]]]}
+    world = world_from_geojson({**square, "frame": "local"}, 1, n_transmitters=5)
+    assert world.walls.area == pytest.approx(3600.0, rel=0.01)
