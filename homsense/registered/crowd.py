@@ -21,6 +21,7 @@ IntArray = NDArray[np.int64]
 SIMILARITY_EDGES = np.array([0.0, *np.arange(0.05, 0.625, 0.05), 0.7, 1.0])
 NEW_SIGHTINGS_S = 3.5
 FEWEST_PAIRS = 10
+LEAST_RMS_M, FARTHEST_M = 1.0, 1e9
 LEAST_SIMILAR, UNLIKE = 0.25, 0.1
 NEIGHBORS = 4
 
@@ -87,6 +88,11 @@ class Crowd:
         -------
         Crowd
             Of the scans that hear enough.
+
+        Raises
+        ------
+        InvalidInputError
+            If a place is not finite or absurdly far.
         """
         rule = hearing or Hearing()
         heard = [
@@ -97,9 +103,13 @@ class Crowd:
         kept = sorted(heard, key=lambda entry: (entry[0].walk, entry[0].t_s))
         number: dict[str, int] = {}
         walk = [number.setdefault(scan.walk, len(number)) for scan, *_ in kept]
+        own_xy = np.array([(scan.x_m, scan.y_m) for scan, *_ in kept], np.float64).reshape(-1, 2)
+        if not (np.abs(own_xy) <= FARTHEST_M).all():
+            message = f"places must be finite and within {FARTHEST_M:.0f} m, in metres"
+            raise InvalidInputError(message, "scans")
         return cls(
             np.array(walk, np.int64),
-            np.array([(scan.x_m, scan.y_m) for scan, *_ in kept], np.float64).reshape(-1, 2),
+            own_xy,
             np.array([scan.t_s for scan, *_ in kept], np.float64),
             tuple(signature for _, signature, _ in kept),
             np.array([source for *_, source in kept], np.int64),
@@ -261,9 +271,9 @@ def each_once(one: IntArray, other: IntArray, size: int) -> tuple[IntArray, IntA
 
 def _radio_distance(squares: FloatArray, counts: FloatArray) -> RadioDistance:
     enough = counts >= FEWEST_PAIRS
-    if enough.sum() < 2:  # noqa: PLR2004 - a line needs two points
+    rms = np.minimum.accumulate(np.sqrt(squares[enough] / counts[enough]))
+    if len(rms) < 2 or rms[0] <= LEAST_RMS_M:  # noqa: PLR2004 - a line needs two points
         message = "the walks are too few or too short to tell how similarity falls with distance"
         raise InvalidInputError(message, "scans")
     middle = 0.5 * (SIMILARITY_EDGES[1:] + SIMILARITY_EDGES[:-1])
-    rms = np.minimum.accumulate(np.sqrt(squares[enough] / counts[enough]))
-    return RadioDistance(middle[enough], rms)
+    return RadioDistance(middle[enough], np.maximum(rms, LEAST_RMS_M))

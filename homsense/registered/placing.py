@@ -1,5 +1,6 @@
 """From the scans of a crowd to a complex on the map: laid out, placed, settled."""
 
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,14 +16,16 @@ from homsense.registered.crowd import NEIGHBORS, Crowd, Likeness, WalkScan, like
 from homsense.registered.ground import Ground
 from homsense.registered.layout import Layout, Pull, lay_out, parts, settle
 from homsense.registered.matching import Placement, unlikely_m
-from homsense.registered.registration import DISTINCT_M, Registration, apart, register
+from homsense.registered.registration import DISTINCT_M, SCALES, Registration, apart, register
 from homsense.registered.similarity import Hearing
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 
 GROUND_SD_M = 3.0
 PLAUSIBLE_M = 1.0
+FITTING_SHARE = 0.5
 MOST_LAID_OUT = 10_000
 """Scans at once; `homsense.extend` lets the others join."""
 
@@ -116,9 +119,17 @@ class LaidOutCrowd:
         -------
         RegisteredComplex
             Of the parts that can be placed, under the best placement and those nearly as good.
+
+        Raises
+        ------
+        InvalidInputError
+            If most of the crowd is too far apart for the map.
         """
-        kept = self._part >= 0
-        shape, part = self.layout.xy[kept], self._part[kept]
+        kept = (self._part >= 0) & self._fits(free_space)
+        if kept[self._part == 0].mean() <= FITTING_SHARE:
+            message = "the walks reach much farther than the map; are their places in metres?"
+            raise InvalidInputError(message, "scans")
+        shape, part = self.layout.xy[kept], np.unique(self._part[kept], return_inverse=True)[1]
         tried = register(shape, part, free_space, rotation_sd_rad)
         ((mirrored, _),) = register(shape * _MIRROR, part, free_space, thorough=False)
         best_m = min(placement.cost_m for placement, _ in tried)
@@ -151,6 +162,14 @@ class LaidOutCrowd:
     @cached_property
     def _part(self) -> IntArray:
         return parts(self.crowd, self.like)
+
+    def _fits(self, free_space: FreeSpace) -> BoolArray:
+        """Tell which scans can be on a map together with the middle of their part."""
+        grid, far = free_space.grid, np.empty(self.crowd.size)
+        for number in np.unique(self._part):
+            xy = self.layout.xy[self._part == number]
+            far[self._part == number] = np.linalg.norm(xy - np.median(xy, axis=0), axis=1)
+        return far * SCALES[0] <= grid.cell_m * math.hypot(*grid.shape)
 
     def _settled(self, placement: Placement, offset: FloatArray, ground: Ground) -> FloatArray:
         turned = self.layout.heading + placement.rotation_rad
@@ -196,7 +215,7 @@ def register_crowd(
     Raises
     ------
     InvalidInputError
-        If the crowd is too small to be laid out.
+        If the crowd is too small to be laid out, or too large for the map.
     """
     laid_out = LaidOutCrowd.of(scans, hearing, neighbors, on_stage)
     return laid_out.on(free_space, rotation_sd_rad, on_stage)

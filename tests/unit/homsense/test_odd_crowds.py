@@ -1,0 +1,70 @@
+"""Crowds as they also come: they are placed as far as they can be, or refused with a reason."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from support.corridors import Building
+
+from homsense import InvalidInputError, Reading, WalkScan, register_crowd
+from homsense.registered.crowd import Crowd, likeness
+from homsense.registered.layout import lay_out
+
+FAR_M = 30_000.0
+BUILDING = Building.of(3)
+
+
+@cache
+def crowd() -> list[WalkScan]:
+    return BUILDING.crowd(1, walks=14)
+
+
+def test_a_phone_that_leaves_by_taxi_is_placed_as_long_as_it_is_there() -> None:
+    there = crowd()
+    gone = [
+        replace(scan, x_m=scan.x_m + FAR_M, readings=(Reading("at home", -50), *scan.readings[:2]))
+        if scan.walk == "walk-003" and scan.t_s > 30.0
+        else scan
+        for scan in there
+    ]
+    left = {number for number, scan in enumerate(gone) if scan is not there[number]}
+    assert len(left) > 3
+    found = register_crowd(gone, BUILDING.free_space)
+    assert not left & set(found.source.tolist())
+    assert (
+        set(found.source.tolist())
+        == set(register_crowd(there, BUILDING.free_space).source.tolist()) - left
+    )
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (lambda scan: replace(scan, x_m=1e3 * scan.x_m, y_m=1e3 * scan.y_m), "in metres"),
+        (lambda scan: replace(scan, x_m=1e-3 * scan.x_m, y_m=1e-3 * scan.y_m), "too short"),
+        (lambda scan: replace(scan, x_m=7.0, y_m=7.0), "too short"),
+        (lambda scan: replace(scan, x_m=1e200), "in metres"),
+    ],
+)
+def test_steps_that_are_no_metres_are_refused(
+    change: Callable[[WalkScan], WalkScan], reason: str
+) -> None:
+    with pytest.raises(InvalidInputError, match=reason) as refused:
+        register_crowd(map(change, crowd()), BUILDING.free_space)
+    assert refused.value.field == "scans"
+
+
+def test_scans_of_phones_that_stand_still_do_not_claim_to_be_at_one_point() -> None:
+    crowd = Crowd.of(
+        WalkScan(f"walk {walk}", 8.0 * place + pause, 10.0 * place, 0.0, tuple(
+            Reading(f"{place} {number}", -50.0) for number in range(4)
+        ))
+        for walk in range(4)
+        for place in range(8)
+        for pause in (0, 4)
+    )  # fmt: skip
+    like = likeness(crowd)
+    assert like.radio.rms_m[-1] == 1.0
+    assert np.isfinite(lay_out(crowd, like).xy).all()
