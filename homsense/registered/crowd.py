@@ -4,8 +4,9 @@ No position is used. How far apart two scans of a similarity are is learnt from 
 the same walk, whose distance the device itself has measured.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Self
 
 import numpy as np
@@ -21,7 +22,8 @@ IntArray = NDArray[np.int64]
 SIMILARITY_EDGES = np.array([0.0, *np.arange(0.05, 0.625, 0.05), 0.7, 1.0])
 NEW_SIGHTINGS_S = 3.5
 FEWEST_PAIRS = 10
-LEAST_RMS_M, FARTHEST_M = 1.0, 1e9
+LEAST_RMS_M = 1.0
+JUMP_M, FASTEST_MPS = 50.0, 50.0
 LEAST_SIMILAR, UNLIKE = 0.25, 0.1
 NEIGHBORS = 4
 
@@ -47,6 +49,34 @@ class WalkScan:
     x_m: float
     y_m: float
     readings: tuple[Reading, ...]
+
+
+def legs(scans: Sequence[WalkScan]) -> IntArray:
+    """Return which walk each scan is of; where the account of one jumps, another begins.
+
+    Parameters
+    ----------
+    scans : sequence of WalkScan
+        Walk by walk, each in order of time.
+
+    Returns
+    -------
+    ndarray, shape (N,), int64
+        From 0, rising.
+
+    Examples
+    --------
+    >>> there = [WalkScan("w", t_s, x_m, 0.0, ()) for t_s, x_m in ((0, 0), (2, 3), (4, 3000))]
+    >>> legs([*there, WalkScan("x", 0.0, 3000.0, 0.0, ())]).tolist()
+    [0, 0, 1, 2]
+    """
+    if not scans:
+        return np.empty(0, np.int64)
+    is_new = np.array([scan.walk != before.walk for before, scan in pairwise(scans)], np.bool_)
+    account = np.array([(scan.t_s, scan.x_m, scan.y_m) for scan in scans])
+    passed_s, right_m, up_m = np.diff(account, axis=0).T
+    is_new |= ~(np.hypot(right_m, up_m) <= JUMP_M + FASTEST_MPS * passed_s)
+    return np.append(0, np.cumsum(is_new))
 
 
 @dataclass(frozen=True)
@@ -88,11 +118,6 @@ class Crowd:
         -------
         Crowd
             Of the scans that hear enough.
-
-        Raises
-        ------
-        InvalidInputError
-            If a place is not finite or absurdly far.
         """
         rule = hearing or Hearing()
         heard = [
@@ -101,16 +126,11 @@ class Crowd:
             if (signature := rule.signature(scan.readings))
         ]
         kept = sorted(heard, key=lambda entry: (entry[0].walk, entry[0].t_s))
-        number: dict[str, int] = {}
-        walk = [number.setdefault(scan.walk, len(number)) for scan, *_ in kept]
-        own_xy = np.array([(scan.x_m, scan.y_m) for scan, *_ in kept], np.float64).reshape(-1, 2)
-        if not (np.abs(own_xy) <= FARTHEST_M).all():
-            message = f"places must be finite and within {FARTHEST_M:.0f} m, in metres"
-            raise InvalidInputError(message, "scans")
+        made = [scan for scan, *_ in kept]
         return cls(
-            np.array(walk, np.int64),
-            own_xy,
-            np.array([scan.t_s for scan, *_ in kept], np.float64),
+            legs(made),
+            np.array([(scan.x_m, scan.y_m) for scan in made], np.float64).reshape(-1, 2),
+            np.array([scan.t_s for scan in made], np.float64),
             tuple(signature for _, signature, _ in kept),
             np.array([source for *_, source in kept], np.int64),
         )

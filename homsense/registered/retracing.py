@@ -2,14 +2,13 @@
 
 import math
 from collections.abc import Sequence
-from itertools import groupby
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from homsense.registered.complex import RegisteredComplex
-from homsense.registered.crowd import WalkScan
+from homsense.registered.crowd import WalkScan, legs
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -76,9 +75,9 @@ def retrace(found: RegisteredComplex, scans: Sequence[WalkScan]) -> Retraced:
     order = sorted(range(len(scans)), key=lambda number: (scans[number].walk, scans[number].t_s))
     xy = np.full((len(scans), 2), np.nan)
     xy[found.source] = found.xy
-    for _, walk in groupby(order, key=lambda number: scans[number].walk):
-        numbers = list(walk)
-        xy[numbers] = _retraced(xy[numbers], [scans[number] for number in numbers])
+    begin = np.flatnonzero(np.diff(legs([scans[number] for number in order]), prepend=-1))
+    for walk in np.split(np.array(order, np.int64), begin[1:]):
+        xy[walk] = _retraced(xy[walk], [scans[number] for number in walk.tolist()])
     source = np.array(order, np.int64)
     source = source[np.isfinite(xy[source]).all(axis=1)]
     return Retraced(source, xy[source])

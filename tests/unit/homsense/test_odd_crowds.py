@@ -42,10 +42,10 @@ def test_a_phone_that_leaves_by_taxi_is_placed_as_long_as_it_is_there() -> None:
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        (lambda scan: replace(scan, x_m=1e3 * scan.x_m, y_m=1e3 * scan.y_m), "in metres"),
+        (lambda scan: replace(scan, x_m=20.0 * scan.x_m, y_m=20.0 * scan.y_m), "in metres"),
+        (lambda scan: replace(scan, x_m=1e3 * scan.x_m, y_m=1e3 * scan.y_m), "too short"),
         (lambda scan: replace(scan, x_m=1e-3 * scan.x_m, y_m=1e-3 * scan.y_m), "too short"),
         (lambda scan: replace(scan, x_m=7.0, y_m=7.0), "too short"),
-        (lambda scan: replace(scan, x_m=1e200), "in metres"),
     ],
 )
 def test_steps_that_are_no_metres_are_refused(
@@ -54,6 +54,30 @@ def test_steps_that_are_no_metres_are_refused(
     with pytest.raises(InvalidInputError, match=reason) as refused:
         register_crowd(map(change, crowd()), BUILDING.free_space)
     assert refused.value.field == "scans"
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda scan: replace(scan, x_m=1e3 * scan.x_m, y_m=1e3 * scan.y_m),
+        lambda scan: replace(scan, x_m=scan.x_m - 1e5 * (scan.t_s > 20.0)),
+        lambda scan: replace(scan, x_m=1e300 * scan.x_m),
+    ],
+    ids=["millimetres", "a new origin", "absurd"],
+)
+def test_one_phone_that_errs_does_not_spoil_the_crowd(
+    change: Callable[[WalkScan], WalkScan],
+) -> None:
+    walks = list(BUILDING.crowd_with_truth(1, 24))
+    others = [scan for scan, _ in walks if scan.walk != "walk-003"]
+    found = register_crowd(
+        [change(scan) if scan.walk == "walk-003" else scan for scan, _ in walks],
+        BUILDING.free_space,
+    )
+    truth = np.array([walks[number][1] for number in found.source.tolist()])
+    assert np.median(np.linalg.norm(found.xy - truth, axis=1)) < 4.0
+    without = likeness(Crowd.of(others)).radio.reach_m
+    assert found.reach_m == pytest.approx(without, rel=0.1)
 
 
 def test_scans_of_phones_that_stand_still_do_not_claim_to_be_at_one_point() -> None:

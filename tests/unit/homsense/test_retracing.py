@@ -22,7 +22,7 @@ chosen = st.sets(st.integers(0, SCANS - 1), min_size=2).map(sorted)
 
 
 def walk(own: Places, name: str = "walk") -> list[WalkScan]:
-    return [WalkScan(name, 2.0 * n, z.real, z.imag, ()) for n, z in enumerate(own)]
+    return [WalkScan(name, 20.0 * n, z.real, z.imag, ()) for n, z in enumerate(own)]
 
 
 def complex_of(source: Sequence[int], where: Places) -> RegisteredComplex:
