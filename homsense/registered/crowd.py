@@ -4,6 +4,7 @@ No position is used. How far apart two scans of a similarity are is learnt from 
 the same walk, whose distance the device itself has measured.
 """
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -24,6 +25,7 @@ NEW_SIGHTINGS_S = 3.5
 FEWEST_PAIRS = 10
 LEAST_RMS_M = 1.0
 JUMP_M, FASTEST_MPS = 50.0, 50.0
+STANDING_M, MOST_STANDING, LONGEST = 1.0, 10, 1000
 LEAST_SIMILAR, UNLIKE = 0.25, 0.1
 NEIGHBORS = 4
 
@@ -117,7 +119,8 @@ class Crowd:
         Returns
         -------
         Crowd
-            Of the scans that hear enough.
+            Of the scans that hear enough: of a phone that stands still the first ten. A very long
+            walk counts as several.
         """
         rule = hearing or Hearing()
         heard = [
@@ -125,14 +128,16 @@ class Crowd:
             for source, scan in enumerate(scans)
             if (signature := rule.signature(scan.readings))
         ]
-        kept = sorted(heard, key=lambda entry: (entry[0].walk, entry[0].t_s))
-        made = [scan for scan, *_ in kept]
+        heard.sort(key=lambda entry: (entry[0].walk, entry[0].t_s))
+        leg = legs([scan for scan, *_ in heard])
+        own_xy = np.array([(scan.x_m, scan.y_m) for scan, *_ in heard], np.float64).reshape(-1, 2)
+        kept = _not_standing(leg, own_xy)
         return cls(
-            legs(made),
-            np.array([(scan.x_m, scan.y_m) for scan in made], np.float64).reshape(-1, 2),
-            np.array([scan.t_s for scan in made], np.float64),
-            tuple(signature for _, signature, _ in kept),
-            np.array([source for *_, source in kept], np.int64),
+            _shortened(leg[kept]),
+            own_xy[kept],
+            np.array([heard[number][0].t_s for number in kept.tolist()], np.float64),
+            tuple(heard[number][1] for number in kept.tolist()),
+            np.array([heard[number][2] for number in kept.tolist()], np.int64),
         )
 
     def few(self, most: int) -> Self:
@@ -172,6 +177,25 @@ class Crowd:
     def steps(self) -> IntArray:
         """Scans that another one of the same walk follows."""
         return np.flatnonzero(self.walk[1:] == self.walk[:-1])
+
+
+def _not_standing(leg: IntArray, own_xy: FloatArray) -> IntArray:
+    """Return which scans to keep: of those in a row that are at one place the first few."""
+    kept: list[int] = []
+    count, since = 0, -1
+    for number, (walk, x, y) in enumerate(zip(leg.tolist(), *own_xy.T.tolist(), strict=True)):
+        stands = count and walk == leg[since] and math.dist(own_xy[since], (x, y)) <= STANDING_M
+        count, since = (count + 1, since) if stands else (1, number)
+        if count <= MOST_STANDING:
+            kept.append(number)
+    return np.array(kept, np.int64)
+
+
+def _shortened(leg: IntArray) -> IntArray:
+    """Return the legs anew, none of more than `LONGEST` scans."""
+    begin = np.searchsorted(leg, leg)
+    parts = (np.arange(len(leg)) - begin) // LONGEST
+    return np.cumsum((np.diff(leg, prepend=leg[:1]) != 0) | (np.diff(parts, prepend=0) > 0))
 
 
 @dataclass(frozen=True)

@@ -92,3 +92,25 @@ def test_scans_of_phones_that_stand_still_do_not_claim_to_be_at_one_point() -> N
     like = likeness(crowd)
     assert like.radio.rms_m[-1] == 1.0
     assert np.isfinite(lay_out(crowd, like).xy).all()
+
+
+def test_a_phone_on_a_desk_counts_as_ten_scans() -> None:
+    rng = np.random.default_rng(0)
+    place = np.array([40.0, 40.0])
+    desk = [
+        WalkScan("desk", 5.0 * number, 0.01 * (number % 7), 0.0, BUILDING.readings(place, rng))
+        for number in range(200)
+    ]
+    there = Crowd.of(crowd())
+    both = Crowd.of([*desk, *crowd()])
+    assert both.size == there.size + 10
+    assert both.source[:10].tolist() == list(range(10))
+
+
+def test_a_walk_without_end_is_laid_out_in_parts() -> None:
+    readings = tuple(Reading(f"tx {number}", -50.0) for number in range(4))
+    patrol = [WalkScan("robot", 5.0 * n, 4.0 * n, 0.0, readings) for n in range(2500)]
+    found = Crowd.of([*patrol, WalkScan("x", 0.0, 0.0, 0.0, readings)])
+    assert np.bincount(found.walk).tolist() == [1000, 1000, 500, 1]
+    assert found.few(1300).size == 1500
+    assert found.n_walks == 4
