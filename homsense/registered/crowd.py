@@ -81,6 +81,31 @@ def legs(scans: Sequence[WalkScan]) -> IntArray:
     return np.append(0, np.cumsum(is_new))
 
 
+def not_standing(leg: IntArray, own_xy: FloatArray) -> IntArray:
+    """Return which scans to keep: of those in a row that are at one place the first ten.
+
+    Parameters
+    ----------
+    leg : ndarray, shape (N,), int64
+        What `legs` returns.
+    own_xy : ndarray, shape (N, 2), float64
+        Dead-reckoned place in the frame of the walk, metres.
+
+    Returns
+    -------
+    ndarray, shape (M,), int64
+        Rising.
+    """
+    kept: list[int] = []
+    count, since = 0, -1
+    for number, (walk, x, y) in enumerate(zip(leg.tolist(), *own_xy.T.tolist(), strict=True)):
+        stands = count and walk == leg[since] and math.dist(own_xy[since], (x, y)) <= STANDING_M
+        count, since = (count + 1, since) if stands else (1, number)
+        if count <= MOST_STANDING:
+            kept.append(number)
+    return np.array(kept, np.int64)
+
+
 @dataclass(frozen=True)
 class Crowd:
     """Scans of many walks, sorted by walk, then by time.
@@ -131,7 +156,7 @@ class Crowd:
         heard.sort(key=lambda entry: (entry[0].walk, entry[0].t_s))
         leg = legs([scan for scan, *_ in heard])
         own_xy = np.array([(scan.x_m, scan.y_m) for scan, *_ in heard], np.float64).reshape(-1, 2)
-        kept = _not_standing(leg, own_xy)
+        kept = not_standing(leg, own_xy)
         return cls(
             _shortened(leg[kept]),
             own_xy[kept],
@@ -177,18 +202,6 @@ class Crowd:
     def steps(self) -> IntArray:
         """Scans that another one of the same walk follows."""
         return np.flatnonzero(self.walk[1:] == self.walk[:-1])
-
-
-def _not_standing(leg: IntArray, own_xy: FloatArray) -> IntArray:
-    """Return which scans to keep: of those in a row that are at one place the first few."""
-    kept: list[int] = []
-    count, since = 0, -1
-    for number, (walk, x, y) in enumerate(zip(leg.tolist(), *own_xy.T.tolist(), strict=True)):
-        stands = count and walk == leg[since] and math.dist(own_xy[since], (x, y)) <= STANDING_M
-        count, since = (count + 1, since) if stands else (1, number)
-        if count <= MOST_STANDING:
-            kept.append(number)
-    return np.array(kept, np.int64)
 
 
 def _shortened(leg: IntArray) -> IntArray:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homsense.registered.complex import RegisteredComplex
-from homsense.registered.crowd import WalkScan, legs
+from homsense.registered.crowd import WalkScan, legs, not_standing
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -70,16 +70,21 @@ def retrace(found: RegisteredComplex, scans: Sequence[WalkScan]) -> Retraced:
     Retraced
         Those scans where they are, and the others of their walks between them: moved as the device
         has measured, turned as its walk is, and less the drift, which changes linearly over time.
-        A walk with fewer than two scans that have a place is left out.
+        Left out are walks with fewer than two scans that have a place, what a phone that stands
+        still repeats, and what lies beyond all scans that have a place, by more than their reach.
     """
     order = sorted(range(len(scans)), key=lambda number: (scans[number].walk, scans[number].t_s))
+    made = [scans[number] for number in order]
+    source, leg = np.array(order, np.int64), legs(made)
     xy = np.full((len(scans), 2), np.nan)
     xy[found.source] = found.xy
-    begin = np.flatnonzero(np.diff(legs([scans[number] for number in order]), prepend=-1))
-    for walk in np.split(np.array(order, np.int64), begin[1:]):
+    for walk in np.split(source, np.flatnonzero(np.diff(leg)) + 1):
         xy[walk] = _retraced(xy[walk], [scans[number] for number in walk.tolist()])
-    source = np.array(order, np.int64)
-    source = source[np.isfinite(xy[source]).all(axis=1)]
+    own_xy = np.array([(scan.x_m, scan.y_m) for scan in made]).reshape(-1, 2)
+    is_new = np.isin(source, found.source)
+    is_new[not_standing(leg, own_xy)] = True
+    low, high = found.xy.min(axis=0) - found.reach_m, found.xy.max(axis=0) + found.reach_m
+    source = source[is_new & ((xy >= low) & (xy <= high)).all(axis=1)[source]]
     return Retraced(source, xy[source])
 
 

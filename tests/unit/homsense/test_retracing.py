@@ -117,3 +117,10 @@ def test_some_scans_are_chosen_from_everywhere_and_three_in_a_row(size: int, mos
     if len(chosen) > 100:
         assert chosen[-1] > 0.9 * size
         assert (np.diff(chosen) == 1).mean() > 0.6
+
+
+def test_neither_what_repeats_itself_nor_what_is_far_away_is_retraced() -> None:
+    own: Places = [complex(10.0 * n, 0.0) for n in range(4)]
+    crowd = walk([*own, *[own[-1]] * 30, own[-1] + 900.0])
+    found = complex_of([0, 3], [own[0], own[3]])
+    assert retrace(found, crowd).source.tolist() == list(range(13))
