@@ -13,7 +13,7 @@ from homsense import Hearing, RegisteredComplex, Retraced, WalkScan, register_cr
 from homsense.registered.matching import Placement
 from homsense.registered.registration import Registration
 
-SCANS = 12
+SCANS, REACH_M = 12, 800.0
 Places = list[complex]
 
 metres = st.floats(-200.0, 200.0).map(lambda value: round(value, 3))
@@ -31,7 +31,7 @@ def complex_of(source: Sequence[int], where: Places) -> RegisteredComplex:
     walks = np.zeros(len(source), np.int64)
     nothing: tuple[dict[str, float], ...] = ({},) * len(source)
     return RegisteredComplex(
-        Hearing(), walks, xy, nothing, 20.0, registration, np.array(source, np.int64)
+        Hearing(), walks, xy, nothing, REACH_M, registration, np.array(source, np.int64)
     )
 
 
@@ -121,6 +121,6 @@ def test_some_scans_are_chosen_from_everywhere_and_three_in_a_row(size: int, mos
 
 def test_neither_what_repeats_itself_nor_what_is_far_away_is_retraced() -> None:
     own: Places = [complex(10.0 * n, 0.0) for n in range(4)]
-    crowd = walk([*own, *[own[-1]] * 30, own[-1] + 900.0])
+    crowd = walk([*own, *[own[-1]] * 30, own[-1] + 850.0])
     found = complex_of([0, 3], [own[0], own[3]])
     assert retrace(found, crowd).source.tolist() == list(range(13))
