@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
+from scipy.spatial import cKDTree
 
 from homsense.earth_mover import earth_mover_distance
 from homsense.errors import InvalidInputError
@@ -29,6 +30,7 @@ MOST_CROWD = 6000
 _MOST_PAIRS = 400_000
 _RANGE_STEP_M = 0.5
 _PLACEMENTS = 4
+_BLOCK = 512
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,13 +165,18 @@ def placement(free_space: FreeSpace, rng: Rng, count: int, evenness: int) -> Flo
     tried = free_places(free_space, rng, count * evenness).reshape(count, evenness, 2)
     if evenness == 1:
         return tried[:, 0]
-    gaps = np.full((count, evenness), np.inf)
     chosen = np.empty((count, 2))
-    for number in range(count):
-        chosen[number] = tried[number, gaps[number].argmax()]
-        rest = tried[number + 1 :]
-        apart = np.square(rest - chosen[number]).sum(axis=2)
-        np.minimum(gaps[number + 1 :], apart, out=gaps[number + 1 :])
+    for first in range(0, count, _BLOCK):
+        block = tried[first : first + _BLOCK]
+        gaps = np.full(block.shape[:2], np.inf)
+        if first:
+            _, nearest = cKDTree(chosen[:first]).query(block)
+            gaps = np.square(block - chosen[nearest]).sum(axis=2)
+        for number in range(len(block)):
+            best = block[number, gaps[number].argmax()]
+            chosen[first + number] = best
+            apart = np.square(block[number + 1 :] - best).sum(axis=2)
+            np.minimum(gaps[number + 1 :], apart, out=gaps[number + 1 :])
     return chosen
 
 

@@ -86,6 +86,16 @@ def test_transmitters_are_placed_in_free_space_and_as_evenly_as_asked() -> None:
     assert nearest[1] > 1.5 * nearest[0]
 
 
+def test_each_transmitter_is_the_candidate_farthest_from_all_before_it() -> None:
+    count, evenness = 1200, 3
+    tried = free_places(FREE, _rng(2), count * evenness).reshape(count, evenness, 2)
+    expected = [tried[0, 0]]
+    for candidates in tried[1:]:
+        apart = np.square(candidates[:, None] - np.array(expected)).sum(axis=2).min(axis=1)
+        expected.append(candidates[apart.argmax()])
+    assert np.array_equal(placement(FREE, _rng(2), count, evenness), expected)
+
+
 @pytest.mark.parametrize(
     "truth",
     [
