@@ -8,7 +8,7 @@ from homsense.free_space import FreeSpace
 from homsense.registered.complex import RegisteredComplex
 from homsense.registered.crowd import WalkScan
 from homsense.registered.matching import probabilities
-from homsense.registered.placing import LaidOutCrowd
+from homsense.registered.placing import TOO_LARGE, LaidOutCrowd
 from homsense.registered.similarity import Hearing
 
 
@@ -53,19 +53,26 @@ def rank_floors(
     Returns
     -------
     list of FloorFit
-        The likeliest first. Each has its own margin and mirror margin, so a crowd that belongs to
-        none of the floors can be told from one that does.
+        The likeliest first, without those that the crowd is far too large for. Each has its own
+        margin and mirror margin, so a crowd that belongs to none of the floors can be told from
+        one that does.
 
     Raises
     ------
     InvalidInputError
-        If there is no candidate, or the crowd is too small to be laid out.
+        If there is no candidate, or the crowd is too small to be laid out, or too large for all.
     """
     if not floors:
         message = "there must be at least one map"
         raise InvalidInputError(message, "floors")
     crowd = LaidOutCrowd.of(scans, hearing)
-    placed = {name: crowd.on(ground, rotation_sd_rad) for name, ground in floors.items()}
+    placed = {
+        name: crowd.on(ground, rotation_sd_rad)
+        for name, ground in floors.items()
+        if crowd.fits(ground)
+    }
+    if not placed:
+        raise InvalidInputError(TOO_LARGE, "scans")
     ranked = sorted(placed.items(), key=lambda entry: entry[1].registration.cost_m)
     shares = probabilities([found.registration.cost_m for _, found in ranked]).tolist()
     return [

@@ -26,6 +26,7 @@ BoolArray = NDArray[np.bool_]
 GROUND_SD_M = 3.0
 PLAUSIBLE_M = 1.0
 FITTING_SHARE = 0.5
+TOO_LARGE = "the walks reach much farther than the map; are their places in metres?"
 MOST_LAID_OUT = 10_000
 """Scans at once; `homsense.extend` lets the others join."""
 
@@ -125,10 +126,9 @@ class LaidOutCrowd:
         InvalidInputError
             If most of the crowd is too far apart for the map.
         """
-        kept = (self._part >= 0) & self._fits(free_space)
-        if kept[self._part == 0].mean() <= FITTING_SHARE:
-            message = "the walks reach much farther than the map; are their places in metres?"
-            raise InvalidInputError(message, "scans")
+        if not self.fits(free_space):
+            raise InvalidInputError(TOO_LARGE, "scans")
+        kept = (self._part >= 0) & self._within(free_space)
         shape, part = self.layout.xy[kept], np.unique(self._part[kept], return_inverse=True)[1]
         tried = register(shape, part, free_space, rotation_sd_rad)
         ((mirrored, _),) = register(shape * _MIRROR, part, free_space, thorough=False)
@@ -163,7 +163,22 @@ class LaidOutCrowd:
     def _part(self) -> IntArray:
         return parts(self.crowd, self.like)
 
-    def _fits(self, free_space: FreeSpace) -> BoolArray:
+    def fits(self, free_space: FreeSpace) -> bool:
+        """Tell whether more than half of the largest part can be on a map.
+
+        Parameters
+        ----------
+        free_space : FreeSpace
+            Of the map.
+
+        Returns
+        -------
+        bool
+            If not, the places are hardly in metres.
+        """
+        return bool(self._within(free_space)[self._part == 0].mean() > FITTING_SHARE)
+
+    def _within(self, free_space: FreeSpace) -> BoolArray:
         """Tell which scans can be on a map together with the middle of their part."""
         grid, far = free_space.grid, np.empty(self.crowd.size)
         for number in np.unique(self._part):

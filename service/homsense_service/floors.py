@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import homsense
 from homsense_service.background import Background, Builder, Words
 from homsense_service.errors import RegistrationFailedError, RegistrationPendingError
-from homsense_service.registering import HEARINGS, CrowdQuestion
+from homsense_service.registering import HEARINGS, CrowdQuestion, of_each_hearing
 from homsense_service.versions import MapVersion
 
 _WORDS = Words(
@@ -87,13 +87,13 @@ class RankingFloors(Background[FloorsQuestion, RankedFloors]):
 def _rank(question: FloorsQuestion, on_step: Callable[[int], None]) -> RankedFloors:
     crowd, scans = question.crowd, list(question.crowd.walks())
     grounds = {name: version.free_space for name, version in question.maps.items()}
-    tried = []
-    for done, hearing in enumerate(HEARINGS, 1):
-        tried.append(
-            homsense.rank_floors(
-                scans, grounds, hearing=hearing, rotation_sd_rad=crowd.rotation_sd_rad
-            )
+
+    def ranked(number: int, hearing: homsense.Hearing) -> list[homsense.FloorFit]:
+        fits = homsense.rank_floors(
+            scans, grounds, hearing=hearing, rotation_sd_rad=crowd.rotation_sd_rad
         )
-        on_step(done)
-    best = min(tried, key=lambda fits: fits[0].complex.registration.cost_m)
+        on_step(number + 1)
+        return fits
+
+    best = min(of_each_hearing(ranked), key=lambda fits: fits[0].complex.registration.cost_m)
     return RankedFloors(question, tuple(best))

@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,8 @@ from homsense_service.background import GROWN, Background, Builder, Words
 from homsense_service.errors import RegistrationFailedError, RegistrationPendingError
 from homsense_service.records import StoredScan
 from homsense_service.versions import MapVersion
+
+Result = TypeVar("Result")
 
 EXTENDED = 1.05
 HEARINGS = (homsense.Hearing(), homsense.Hearing(weakest_dbm=-95.0))
@@ -150,6 +153,36 @@ def walk_scan(scan: StoredScan, readings: Iterable[homsense.Reading]) -> homsens
     return homsense.WalkScan(walk, scan.observed_at, *place, tuple(readings))
 
 
+def of_each_hearing(attempt: Callable[[int, homsense.Hearing], Result]) -> list[Result]:
+    """Try everything that may be heard of a scan.
+
+    Parameters
+    ----------
+    attempt : callable
+        Takes the number of the hearing from 0 and the hearing itself.
+
+    Returns
+    -------
+    list
+        What has come out; at least one.
+
+    Raises
+    ------
+    homsense.InvalidInputError
+        If each of them is refused.
+    """
+    found: list[Result] = []
+    refused: list[homsense.InvalidInputError] = []
+    for number, hearing in enumerate(HEARINGS):
+        try:
+            found.append(attempt(number, hearing))
+        except homsense.InvalidInputError as error:
+            refused.append(error)
+    if not found:
+        raise refused[-1]
+    return found
+
+
 def _can_grow(
     known: Registered, question: CrowdQuestion, scans: Sequence[homsense.WalkScan]
 ) -> bool:
@@ -175,29 +208,24 @@ def _register(
     scans: Sequence[homsense.WalkScan],
     on_step: Callable[[int], None],
 ) -> Registered:
-    version, done = question.map_version, 0
+    version = question.map_version
 
-    def reached(_stage: str) -> None:
-        nonlocal done
-        done += 1
-        on_step(done)
-
-    tried = [
-        homsense.register_crowd(
+    def registered(number: int, hearing: homsense.Hearing) -> homsense.RegisteredComplex:
+        begin = number * len(STAGES) + 1
+        return homsense.register_crowd(
             scans,
             version.free_space,
             hearing=hearing,
             rotation_sd_rad=question.rotation_sd_rad,
-            on_stage=reached,
+            on_stage=lambda stage: on_step(begin + STAGES.index(stage)),
         )
-        for hearing in HEARINGS
-    ]
-    best = min(tried, key=lambda one: one.registration.cost_m)
+
+    best = min(of_each_hearing(registered), key=lambda one: one.registration.cost_m)
     found = homsense.smooth(best, scans, version.site_map, question.reachable)
-    reached("smoothed")
+    on_step(_WORDS.steps - 1)
     if len(scans) > MOST_LAID_OUT:
         found = homsense.extend(found, scans, version.site_map, question.reachable)
-    reached("joined")
+    on_step(_WORDS.steps)
     return _registered(question, scans, found, len(scans))
 
 

@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 from support.corridors import Building
 
-from homsense import InvalidInputError, Reading, WalkScan, register_crowd
+from homsense import (
+    FreeSpace,
+    InvalidInputError,
+    Reading,
+    WalkScan,
+    rank_floors,
+    register_crowd,
+)
 from homsense.registered.crowd import Crowd, likeness
 from homsense.registered.layout import lay_out
 
@@ -114,3 +121,15 @@ def test_a_walk_without_end_is_laid_out_in_parts() -> None:
     assert np.bincount(found.walk).tolist() == [1000, 1000, 500, 1]
     assert found.few(1300).size == 1500
     assert found.n_walks == 4
+
+
+def test_a_floor_that_is_too_small_for_a_crowd_is_not_among_its_floors() -> None:
+    own = BUILDING.free_space
+    kiosk = FreeSpace(
+        replace(own.grid, rows=4, columns=5), np.append(np.ones(20, np.bool_), False)
+    )
+    grounds = {"kiosk": kiosk, "own": own}
+    (fit,) = rank_floors(crowd(), grounds)
+    assert (fit.name, fit.probability) == ("own", 1.0)
+    with pytest.raises(InvalidInputError, match="in metres"):
+        rank_floors(crowd(), {"kiosk": kiosk})
