@@ -24,7 +24,7 @@ SIMILARITY_EDGES = np.array([0.0, *np.arange(0.05, 0.625, 0.05), 0.7, 1.0])
 NEW_SIGHTINGS_S = 3.5
 FEWEST_PAIRS = 10
 LEAST_RMS_M = 1.0
-JUMP_M, FASTEST_MPS = 50.0, 50.0
+JUMP_M, FASTEST_MPS, PAUSE_S = 50.0, 50.0, 120.0
 STANDING_M, MOST_STANDING, LONGEST = 1.0, 10, 1000
 LEAST_SIMILAR, UNLIKE = 0.25, 0.1
 NEIGHBORS = 4
@@ -54,7 +54,7 @@ class WalkScan:
 
 
 def legs(scans: Sequence[WalkScan]) -> IntArray:
-    """Return which walk each scan is of; where the account of one jumps, another begins.
+    """Return which walk each scan is of; where one jumps or pauses, another begins.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def legs(scans: Sequence[WalkScan]) -> IntArray:
     is_new = np.array([scan.walk != before.walk for before, scan in pairwise(scans)], np.bool_)
     account = np.array([(scan.t_s, scan.x_m, scan.y_m) for scan in scans])
     passed_s, right_m, up_m = np.diff(account, axis=0).T
-    is_new |= ~(np.hypot(right_m, up_m) <= JUMP_M + FASTEST_MPS * passed_s)
+    is_new |= ~(np.hypot(right_m, up_m) <= JUMP_M + FASTEST_MPS * passed_s) | (passed_s > PAUSE_S)
     return np.append(0, np.cumsum(is_new))
 
 

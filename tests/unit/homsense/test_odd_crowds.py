@@ -87,6 +87,18 @@ def test_one_phone_that_errs_does_not_spoil_the_crowd(
     assert found.reach_m == pytest.approx(without, rel=0.1)
 
 
+def test_a_phone_that_begins_anew_under_the_same_name_walks_twice() -> None:
+    walks = BUILDING.crowd(1, 24)
+    renamed = [
+        replace(scan, walk=f"phone-{number // 2:03d}", t_s=scan.t_s + 3600.0 * (number % 2))
+        for scan in walks
+        for number in [int(scan.walk.removeprefix("walk-"))]
+    ]
+    apart, together = (register_crowd(crowd, BUILDING.free_space) for crowd in (walks, renamed))
+    assert np.array_equal(apart.source, together.source)
+    assert np.array_equal(apart.xy, together.xy)
+
+
 def test_scans_of_phones_that_stand_still_do_not_claim_to_be_at_one_point() -> None:
     crowd = Crowd.of(
         WalkScan(f"walk {walk}", 8.0 * place + pause, 10.0 * place, 0.0, tuple(
