@@ -374,7 +374,7 @@ def test_who_is_there_is_counted_and_told(house: House) -> None:
         until(lambda: house.metric('homsense_devices{state="offline"}') == 1)
         robot.scan(RING[0])
         until(lambda: house.metric('homsense_devices{state="online"}') == 1)
-    assert [event["code"] for event in events] == ["offline", "online"]
+        until(lambda: [event["code"] for event in events] == ["offline", "online"])
 
 
 def test_a_device_goes_on_after_a_restart_of_the_service(settings: Settings) -> None:
