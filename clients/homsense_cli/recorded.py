@@ -113,9 +113,9 @@ def chosen_floors(directory: Path, floors: Sequence[str]) -> tuple[str, ...]:
     return found
 
 
-def no_walk(min_chain_m: float = MIN_CHAIN_M) -> str:
+def no_walk(where: object, min_chain_m: float = MIN_CHAIN_M) -> str:
     """Say what a folder or a floor lacks."""
-    return f"no walk of {min_chain_m:.0f} m or more"
+    return f"{where} holds no walk of {min_chain_m:.0f} m or more"
 
 
 def read_floor(directory: Path, name: str, min_chain_m: float = MIN_CHAIN_M) -> Floor:

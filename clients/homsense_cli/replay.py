@@ -117,8 +117,7 @@ def run_replay(directory: Path, replay: Replay, console: Console) -> list[Score]
     names = chosen_floors(directory, replay.floors)
     floors = [read_floor(directory, name) for name in names]
     if not any(floor.chains for floor in floors):
-        message = f"{directory} holds {no_walk()}"
-        raise ValueError(message)
+        raise ValueError(no_walk(directory))
     scores: list[Score] = []
     with (
         local_service(cell_m=1.0, height_cell_m=2.0) as url,
@@ -128,7 +127,7 @@ def run_replay(directory: Path, replay: Replay, console: Console) -> list[Score]
         for floor in floors:
             walks = floor.chains[: replay.limit]
             if not walks:
-                bars.console.print(f"{floor.name} holds {no_walk()}")
+                bars.console.print(no_walk(floor.name))
                 continue
             task = bars.add_task(f"{floor.name}: {len(walks)} walks", total=len(walks))
             for chain in walks:

@@ -213,7 +213,7 @@ def world_from_geojson(
     ValueError
         If the map holds no building or no free space.
     """
-    features = list(_features(document, "structure"))
+    features = list(_features(document))
     areas = [area for _, area in features]
     origin = None
     if areas and document.get("frame") != "local":
@@ -238,16 +238,16 @@ def world_from_geojson(
     return replace(world, barriers=barriers, origin=origin)
 
 
-def _features(node: dict[str, Any], role: str) -> Iterator[tuple[str, BaseGeometry]]:
+def _features(node: dict[str, Any]) -> Iterator[tuple[str, BaseGeometry]]:
     """Yield the areas of a document, each with its role."""
     if node["type"] == "FeatureCollection":
         for feature in node["features"]:
-            yield from _features(feature, role)
+            yield from _features(feature)
     elif node["type"] == "Feature":
         properties = node.get("properties") or {}
-        yield properties.get("role", role), shape(node["geometry"])
+        yield properties.get("role", "structure"), shape(node["geometry"])
     else:
-        yield role, shape(node)
+        yield "structure", shape(node)
 
 
 def _beyond(domain: BaseGeometry | None) -> list[BaseGeometry]:

@@ -81,15 +81,15 @@ def legs(scans: Sequence[WalkScan]) -> IntArray:
     return np.append(0, np.cumsum(is_new))
 
 
-def not_standing(leg: IntArray, own_xy: FloatArray) -> IntArray:
+def not_standing(scans: Sequence[WalkScan], leg: IntArray) -> IntArray:
     """Return which scans to keep: of those in a row that are at one place the first ten.
 
     Parameters
     ----------
+    scans : sequence of WalkScan
+        As `legs` takes them.
     leg : ndarray, shape (N,), int64
-        What `legs` returns.
-    own_xy : ndarray, shape (N, 2), float64
-        Dead-reckoned place in the frame of the walk, metres.
+        As it numbers them.
 
     Returns
     -------
@@ -97,10 +97,13 @@ def not_standing(leg: IntArray, own_xy: FloatArray) -> IntArray:
         Rising.
     """
     kept: list[int] = []
-    count, since = 0, -1
-    for number, (walk, x, y) in enumerate(zip(leg.tolist(), *own_xy.T.tolist(), strict=True)):
-        stands = count and walk == leg[since] and math.dist(own_xy[since], (x, y)) <= STANDING_M
-        count, since = (count + 1, since) if stands else (1, number)
+    since, count = 0, 0
+    for number, (here, walk) in enumerate(zip(scans, leg.tolist(), strict=True)):
+        there = scans[since]
+        moved_m = math.hypot(here.x_m - there.x_m, here.y_m - there.y_m)
+        if walk != leg[since] or not moved_m <= STANDING_M:
+            since, count = number, 0
+        count += 1
         if count <= MOST_STANDING:
             kept.append(number)
     return np.array(kept, np.int64)
@@ -154,15 +157,16 @@ class Crowd:
             if (signature := rule.signature(scan.readings))
         ]
         heard.sort(key=lambda entry: (entry[0].walk, entry[0].t_s))
-        leg = legs([scan for scan, *_ in heard])
-        own_xy = np.array([(scan.x_m, scan.y_m) for scan, *_ in heard], np.float64).reshape(-1, 2)
-        kept = not_standing(leg, own_xy)
+        made = [scan for scan, *_ in heard]
+        leg = legs(made)
+        moving = not_standing(made, leg)
+        kept = [heard[number] for number in moving.tolist()]
         return cls(
-            _shortened(leg[kept]),
-            own_xy[kept],
-            np.array([heard[number][0].t_s for number in kept.tolist()], np.float64),
-            tuple(heard[number][1] for number in kept.tolist()),
-            np.array([heard[number][2] for number in kept.tolist()], np.int64),
+            _shortened(leg[moving]),
+            np.array([(scan.x_m, scan.y_m) for scan, *_ in kept], np.float64).reshape(-1, 2),
+            np.array([scan.t_s for scan, *_ in kept], np.float64),
+            tuple(signature for _, signature, _ in kept),
+            np.array([source for *_, source in kept], np.int64),
         )
 
     def few(self, most: int) -> Self:

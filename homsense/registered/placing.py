@@ -180,11 +180,17 @@ class LaidOutCrowd:
 
     def _within(self, free_space: FreeSpace) -> BoolArray:
         """Tell which scans can be on a map together with the middle of their part."""
-        grid, far = free_space.grid, np.empty(self.crowd.size)
+        grid = free_space.grid
+        return self._far_m * SCALES[0] <= grid.cell_m * math.hypot(*grid.shape)
+
+    @cached_property
+    def _far_m(self) -> FloatArray:
+        """How far each scan is from the middle of its part."""
+        far = np.empty(self.crowd.size)
         for number in np.unique(self._part):
             xy = self.layout.xy[self._part == number]
             far[self._part == number] = np.linalg.norm(xy - np.median(xy, axis=0), axis=1)
-        return far * SCALES[0] <= grid.cell_m * math.hypot(*grid.shape)
+        return far
 
     def _settled(self, placement: Placement, offset: FloatArray, ground: Ground) -> FloatArray:
         turned = self.layout.heading + placement.rotation_rad

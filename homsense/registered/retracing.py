@@ -80,9 +80,8 @@ def retrace(found: RegisteredComplex, scans: Sequence[WalkScan]) -> Retraced:
     xy[found.source] = found.xy
     for walk in np.split(source, np.flatnonzero(np.diff(leg)) + 1):
         xy[walk] = _retraced(xy[walk], [scans[number] for number in walk.tolist()])
-    own_xy = np.array([(scan.x_m, scan.y_m) for scan in made]).reshape(-1, 2)
     is_new = np.isin(source, found.source)
-    is_new[not_standing(leg, own_xy)] = True
+    is_new[not_standing(made, leg)] = True
     low, high = found.xy.min(axis=0) - found.reach_m, found.xy.max(axis=0) + found.reach_m
     source = source[is_new & ((xy >= low) & (xy <= high)).all(axis=1)[source]]
     return Retraced(source, xy[source])

@@ -187,13 +187,11 @@ def _measure_floors(
     reading = [pool.submit(floor_walks, recorded, name, plan.hops) for name in names]
     read = zip(names, _finished(bars, "floors tune", reading), strict=True)
     floors = {name: walks for name, walks in read if walks}
-    lacking = f"holds {no_walk(recorded.min_chain_m)}"
     if not floors:
-        message = f"{recorded.directory} {lacking}"
-        raise ValueError(message)
+        raise ValueError(no_walk(recorded.directory, recorded.min_chain_m))
     for name in names:
         if name not in floors:
-            bars.console.print(f"{name} {lacking}")
+            bars.console.print(no_walk(name, recorded.min_chain_m))
     running = [
         pool.submit(
             run_controls,
