@@ -292,7 +292,7 @@ class Bridge:
         if sample.kind == zenoh.SampleKind.DELETE:
             device.presence.vanished(self._clock())
         else:
-            device.presence.heard(self._clock())
+            device.presence.appeared(self._clock())
 
     async def _tick(self) -> None:
         """Look after devices that come and go."""

@@ -30,11 +30,17 @@ class Presence:
         self._silence_s, self._grace_s = silence_s, grace_s
 
     def heard(self, now_s: float) -> None:
-        """Take note of a message, or of its token."""
+        """Take note of a message; what was on its way when its token ended tells nothing new."""
+        self._heard_s = now_s
+        if now_s >= self._vanished_s + DEBOUNCE_S:
+            self._vanished_s = float("inf")
+
+    def appeared(self, now_s: float) -> None:
+        """Take note of its token; a device that reconnects comes back at once."""
         self._heard_s, self._vanished_s = now_s, float("inf")
 
     def vanished(self, now_s: float) -> None:
-        """Take note of the end of its token; a device that reconnects comes back at once."""
+        """Take note of the end of its token."""
         self._vanished_s = now_s
 
     def state(self, now_s: float) -> State:
