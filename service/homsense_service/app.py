@@ -93,7 +93,7 @@ def create_app(
         with closing(open_store(chosen.data)) as store:
             if store.caution:
                 _log.warning(store.caution)
-            warming = Warming(chosen.engine)
+            app.state.warming = warming = Warming(chosen.engine)
             with closing(SiteRegistry(store, chosen, warming.engine, time.time)) as registry:
                 operations = Operations(registry, store, chosen, time.time, warming.backend)
                 app.state.operations = operations

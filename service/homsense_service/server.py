@@ -3,6 +3,7 @@
 import ipaddress
 import socket
 import sys
+import threading
 from types import FrameType
 
 import uvicorn
@@ -12,10 +13,12 @@ from homsense_service import logs
 from homsense_service.app import create_app
 from homsense_service.bridge import transport
 from homsense_service.errors import StoreError
+from homsense_service.garbage import settle
 from homsense_service.ros2.mapping import read_mapping
 from homsense_service.settings import Settings
 from homsense_service.store import SqliteStore
 from homsense_service.streams import Streams
+from homsense_service.warming import Warming
 
 SEND_BUFFER = 256 * 1024
 """Bytes of one connection that wait in the kernel, so that a reader that stands still shows."""
@@ -68,11 +71,21 @@ def serve(settings: Settings) -> None:
 
 
 class _Server(uvicorn.Server):
-    """Ends the live streams at the signal, since it waits for all answers to end."""
+    """Knows of live streams, for whose ends it would wait, and of what stays in memory."""
 
     def __init__(self, config: uvicorn.Config, app: FastAPI) -> None:
         super().__init__(config)
         self._app = app
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Begin to serve."""
+        await super().startup(sockets)
+        threading.Thread(target=self._settle, name="settling", daemon=True).start()
+
+    def _settle(self) -> None:
+        warming: Warming = self._app.state.warming
+        warming.wait()
+        settle()
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         """Begin to stop."""

@@ -22,10 +22,13 @@ class Warming:
     def __init__(self, choice: Choice) -> None:
         self._engine = PYTHON
         self._backend = backend.NUMPY
+        self._done = threading.Event()
+        if choice == "auto":
+            threading.Thread(target=self._warm, name="warming", daemon=True).start()
+            return
         if choice == "numba":
             self._warm()
-        elif choice == "auto":
-            threading.Thread(target=self._warm, name="warming", daemon=True).start()
+        self._done.set()
 
     def engine(self) -> Engine:
         """Return what senses."""
@@ -35,6 +38,11 @@ class Warming:
         """Return what filters."""
         return self._backend
 
+    def wait(self) -> None:
+        """Wait until that changes no more."""
+        self._done.wait()
+
     def _warm(self) -> None:
         self._backend = backend.warmed()
         self._engine = warmed()
+        self._done.set()
