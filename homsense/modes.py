@@ -24,6 +24,8 @@ PROMINENCE = 0.5
 NEIGHBORS = ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1))
 RADIUS_BINS = 256
 ACCURACY_SHARE = 0.68
+FARTHEST = math.sqrt(1.0 / (1.0 - ACCURACY_SHARE))
+"""Root mean square distances within which that share lies at the least (Chebyshev)."""
 
 
 class Mode(NamedTuple):
@@ -200,17 +202,17 @@ def moments(
     )
     sums: FloatArray = np.stack([np.bincount(of_mode, term, groups) for term in terms], axis=1)
     mass = sums[:, 0]
-    mean_x, mean_y = (sums[:, 1:3] / np.maximum(mass, 1.0)[:, None]).T
+    mean_x, mean_y, mean_xx, _, mean_yy = (sums[:, 1:6] / np.maximum(mass, 1.0)[:, None]).T
+    square = np.maximum((mean_xx - mean_x * mean_x) + (mean_yy - mean_y * mean_y), 0.0)
+    reach = FARTHEST * np.sqrt(square)
     right, up = x - mean_x[of_mode], y - mean_y[of_mode]
-    distance = np.sqrt(right * right + up * up)
-    radius = np.zeros(groups)
-    np.maximum.at(radius, of_mode, distance)
-    per_m = (RADIUS_BINS - 1) / np.maximum(radius, 1e-9)
-    bins = (distance * per_m[of_mode]).astype(np.int64) + of_mode * RADIUS_BINS
-    near = np.bincount(bins, w, groups * RADIUS_BINS).reshape(groups, RADIUS_BINS)
+    per_m = (RADIUS_BINS - 1) / np.maximum(reach, 1e-9)
+    bins = np.minimum(np.sqrt(right * right + up * up) * per_m[of_mode], RADIUS_BINS - 1)
+    places = bins.astype(np.int64) + of_mode * RADIUS_BINS
+    near = np.bincount(places, w, groups * RADIUS_BINS).reshape(groups, RADIUS_BINS)
     short = near.cumsum(axis=1) < ACCURACY_SHARE * mass[:, None]
     needed = short.sum(axis=1) + 1
-    return Moments(sums, radius * np.minimum(needed / (RADIUS_BINS - 1), 1.0))
+    return Moments(sums, reach * np.minimum(needed / (RADIUS_BINS - 1), 1.0))
 
 
 def modes(found: Moments, corner: tuple[float, float]) -> tuple[Mode, ...]:

@@ -17,7 +17,7 @@ from homsense.particles import Particles
 Array = NDArray[Any]
 
 _PROMINENCE, _SHARE = modes.PROMINENCE, modes.ACCURACY_SHARE
-_BINS, _MOST = modes.RADIUS_BINS, modes.MAX_MODES
+_BINS, _MOST, _FARTHEST = modes.RADIUS_BINS, modes.MAX_MODES, modes.FARTHEST
 _NEIGHBORS = modes.NEIGHBORS
 
 
@@ -260,22 +260,19 @@ def moments(
     tuple of ndarray
         As in `homsense.modes.Moments`.
     """
-    sums, radius, per_m = np.zeros((n_modes + 1, 8)), np.zeros(n_modes + 1), np.empty(n_modes + 1)
-    near, distance = np.zeros((n_modes + 1, _BINS)), np.empty(len(weights))
+    sums, means = np.zeros((n_modes + 1, 8)), np.empty((n_modes + 1, 2))
+    reach, near = np.empty(n_modes + 1), np.zeros((n_modes + 1, _BINS))
     cos, sin = np.empty(len(weights), np.float32), np.empty(len(weights), np.float32)
     _directions(particles.turns, cos, sin)
     _add(particles, weights, of_mode, corner, cos, sin, sums)
-    mean = np.empty((n_modes + 1, 2))
     for mode in range(n_modes + 1):
-        mean[mode] = sums[mode, 1:3] / max(sums[mode, 0], 1.0)
-    _measure(particles, of_mode, corner, mean, distance)
-    _reach(of_mode, distance, radius)
+        reach[mode] = _reach(sums[mode], means[mode])
+    _spread(
+        particles, weights, of_mode, corner, means, (_BINS - 1) / np.maximum(reach, 1e-9), near
+    )
     for mode in range(n_modes + 1):
-        per_m[mode] = (_BINS - 1) / max(radius[mode], 1e-9)
-    _spread(weights, of_mode, per_m, distance, near)
-    for mode in range(n_modes + 1):
-        radius[mode] *= min(_needed(near[mode], sums[mode, 0]) / (_BINS - 1), 1.0)
-    return sums, radius
+        reach[mode] *= min(_needed(near[mode], sums[mode, 0]) / (_BINS - 1), 1.0)
+    return sums, reach
 
 
 @apart
@@ -310,32 +307,32 @@ def _add(
 
 
 @apart
-def _measure(
+def _reach(sums: Array, mean: Array) -> float:
+    """Write the mean place of a mode; return how far from it its accuracy can reach."""
+    mass = max(sums[0], 1.0)
+    mean[0], mean[1] = sums[1] / mass, sums[2] / mass
+    square = (sums[3] / mass - mean[0] * mean[0]) + (sums[5] / mass - mean[1] * mean[1])
+    return float(_FARTHEST * np.sqrt(max(square, 0.0)))
+
+
+@apart
+def _spread(
     particles: Particles,
+    weights: Array,
     of_mode: Array,
     corner: Array,
-    mean: Array,
-    distance: Array,
+    means: Array,
+    per_m: Array,
+    near: Array,
 ) -> None:
-    for index in range(len(distance)):
-        mode = np.uint64(of_mode[index])
-        right = np.float64(particles.x_m[index]) - corner[0] - mean[mode, 0]
-        up = np.float64(particles.y_m[index]) - corner[1] - mean[mode, 1]
-        distance[index] = np.sqrt(right * right + up * up)
-
-
-@apart
-def _reach(of_mode: Array, distance: Array, radius: Array) -> None:
-    for index in range(len(distance)):
-        mode = np.uint64(of_mode[index])
-        radius[mode] = max(radius[mode], distance[index])
-
-
-@apart
-def _spread(weights: Array, of_mode: Array, per_m: Array, distance: Array, near: Array) -> None:
     for index in range(len(weights)):
         mode = np.uint64(of_mode[index])
-        near[mode, np.uint64(distance[index] * per_m[mode])] += np.float64(weights[index])
+        right = np.float64(particles.x_m[index]) - corner[0] - means[mode, 0]
+        up = np.float64(particles.y_m[index]) - corner[1] - means[mode, 1]
+        distance = np.sqrt(right * right + up * up)
+        near[mode, np.uint64(min(distance * per_m[mode], _BINS - 1.0))] += np.float64(
+            weights[index]
+        )
 
 
 @apart

@@ -30,7 +30,7 @@ from homsense import (
 from homsense.backend import NUMPY, Backend, compiled
 from homsense.histogram import KEY_BITS, heaviest_first
 from homsense.likelihood import CodeLikelihood
-from homsense.modes import MAX_MODES
+from homsense.modes import ACCURACY_SHARE, FARTHEST, MAX_MODES
 from homsense.motion import measured_move
 from homsense.philox import random_words
 from homsense.resample import SCHEMES, strides
@@ -263,7 +263,6 @@ def test_modes_share_the_mass_whatever_the_order(
     )
     for mode in pose.modes:
         assert np.linalg.eigvalsh(mode.covariance).min() >= -1e-6
-        assert mode.accuracy_m >= 0.0
     areas = [pose.region_area_m2(level) for level in (0.5, 0.9, 0.95)]
     assert areas == sorted(areas)
     assert pose.density.sum() == pytest.approx(1.0)
@@ -309,6 +308,31 @@ def test_modes_are_numbered_by_falling_mass_and_the_lightest_are_left(
         place[found.order] = hills
         np.add.at(by_hill, place[found.cells], weights)
         assert mass[:-1].tolist() == sorted(by_hill, reverse=True)[:MAX_MODES]
+
+
+@pytest.mark.parametrize("backend", BACKENDS, ids=lambda backend: backend.name)
+@given(SEEDS, st.integers(1, 200), st.integers(1, 3), st.sampled_from([0.0, 1e-3, 1.0, 1e3]))
+def test_the_accuracy_is_the_radius_that_holds_its_share(
+    backend: Backend, seed: int, size: int, n_modes: int, spread: float
+) -> None:
+    x, y, turns, log_weight = _somewhere(seed, size)
+    particles = Particles(x * np.float32(spread), y * np.float32(spread), turns, log_weight)
+    weights, _ = backend.weigh(particles)
+    of_mode = np.arange(size) % n_modes
+    found = backend.moments(particles, weights, of_mode, n_modes, np.zeros(2))
+    same = NUMPY.moments(particles, weights, of_mode, n_modes, np.zeros(2))
+    assert all(map(np.array_equal, found, same))
+    for mode, radius in enumerate(found.accuracy_m[:-1].tolist()):
+        mine = of_mode == mode
+        places = np.column_stack([particles.x_m, particles.y_m])[mine].astype(np.float64)
+        if not weights[mine].any():
+            continue
+        distance = np.hypot(*(places - np.average(places, axis=0, weights=weights[mine])).T)
+        needed = ACCURACY_SHARE * weights[mine].sum()
+        bin_m = FARTHEST * math.sqrt(np.average(distance**2, weights=weights[mine])) / 255
+        slack = 1e-6 * spread
+        assert weights[mine][distance <= radius + slack].sum() >= needed - 1e-6
+        assert weights[mine][distance < radius - bin_m - slack].sum() < needed
 
 
 @given(SEEDS)
