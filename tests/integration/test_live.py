@@ -17,7 +17,9 @@ import pytest
 from fastapi.testclient import TestClient
 from homsense_cli import stored
 from homsense_service.app import create_app
+from homsense_service.errors import OverloadError
 from homsense_service.operations import Operations
+from homsense_service.sessions import Session
 from homsense_service.settings import Settings
 from homsense_service.streams import KEPT, PATIENCE, Reader
 from starlette.websockets import WebSocketDisconnect
@@ -125,6 +127,20 @@ def test_a_reader_that_stands_still_is_cut_off_and_hinders_nobody(running: Runni
         else:
             raise AssertionError(metrics)
     still.close()
+
+
+def test_a_reader_that_was_refused_is_none(
+    api: TestClient, site: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session = api.post(f"/v1/sites/{site}/sessions", json={"particles": 50}).json()["session"]
+
+    def refuse(_session: Session, _answer: object) -> None:
+        message = "not now"
+        raise OverloadError(message)
+
+    monkeypatch.setattr(Session, "answered", refuse)
+    assert api.get(f"/v1/sessions/{session}/events").status_code == 503
+    assert "homsense_readers 0.0" in api.get("/metrics").text
 
 
 def test_a_websocket_takes_steps_and_brings_poses(api: TestClient, site: str) -> None:

@@ -12,6 +12,7 @@ from fastapi.responses import StreamingResponse
 from pydantic import ValidationError
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import State
+from starlette.types import Receive, Scope, Send
 
 from homsense import HomsenseError
 from homsense_service import schemas
@@ -51,29 +52,40 @@ async def get_events(session: SessionParam, request: Request) -> StreamingRespon
     operations: Operations = request.app.state.operations
     found = await run_in_threadpool(operations.sessions.get, session)
     reader = streams.join(session)
-    first = await run_in_threadpool(found.answered, partial(pose_json, found))
-    return StreamingResponse(
-        _events(streams, session, reader, first), media_type="text/event-stream"
-    )
+    with contextlib.ExitStack() as leaving:
+        leaving.callback(streams.leave, session, reader)
+        first = await run_in_threadpool(found.answered, partial(pose_json, found))
+        return _Events(_events(reader, first), leaving.pop_all())
 
 
-async def _events(
-    streams: Streams, session: str, reader: Reader, first: bytes
-) -> AsyncIterator[bytes]:
-    try:
-        yield _event(first)
-        while True:
-            try:
-                async with asyncio.timeout(KEEP_ALIVE_S):
-                    frame = await reader.next()
-            except TimeoutError:
-                yield b": alive\n\n"
-                continue
-            if frame is None:
-                return
-            yield _event(frame)
-    finally:
-        streams.leave(session, reader)
+class _Events(StreamingResponse):
+    """Server-sent events, whose reader leaves however they end.
+
+    The iterator cannot see to that: where a reader stands still it is left where it is.
+    """
+
+    def __init__(self, events: AsyncIterator[bytes], leaving: contextlib.ExitStack) -> None:
+        super().__init__(events, media_type="text/event-stream")
+        self._leaving = leaving
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Send them."""
+        with self._leaving:
+            await super().__call__(scope, receive, send)
+
+
+async def _events(reader: Reader, first: bytes) -> AsyncIterator[bytes]:
+    yield _event(first)
+    while True:
+        try:
+            async with asyncio.timeout(KEEP_ALIVE_S):
+                frame = await reader.next()
+        except TimeoutError:
+            yield b": alive\n\n"
+            continue
+        if frame is None:
+            return
+        yield _event(frame)
 
 
 def _event(frame: bytes) -> bytes:
