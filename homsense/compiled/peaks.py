@@ -267,9 +267,8 @@ def moments(
     _add(particles, weights, of_mode, corner, cos, sin, sums)
     for mode in range(n_modes + 1):
         reach[mode] = _reach(sums[mode], means[mode])
-    _spread(
-        particles, weights, of_mode, corner, means, (_BINS - 1) / np.maximum(reach, 1e-9), near
-    )
+    per_m = (_BINS - 1) / np.maximum(reach, 1e-9)
+    _spread(particles, weights, of_mode, corner, means, per_m, near)
     for mode in range(n_modes + 1):
         reach[mode] *= min(_needed(near[mode], sums[mode, 0]) / (_BINS - 1), 1.0)
     return sums, reach
