@@ -13,6 +13,7 @@ from starlette.responses import JSONResponse
 
 import homsense
 from homsense_service.errors import RateLimitError, ServiceError, UnauthorizedError
+from homsense_service.garbage import let_go
 from homsense_service.problems import (
     INTERNAL,
     INVALID_REQUEST,
@@ -46,17 +47,10 @@ async def _invalid_request(_request: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, RequestValidationError)
     found: Sequence[dict[str, Any]] = error.errors()
     if any(entry["type"] == "json_invalid" for entry in found):
-        _let_go(error)
+        let_go(error)
         return _answer(MALFORMED_JSON, "the body cannot be read as JSON")
     body = invalid_request(found)
     return JSONResponse(body, status_code=INVALID_REQUEST.status, media_type=MEDIA_TYPE)
-
-
-def _let_go(error: BaseException) -> None:
-    """Take the frames from an error, one of which holds it, and so the body that it is about."""
-    error.__traceback__ = None
-    if error.__cause__ is not None:
-        error.__cause__.__traceback__ = None
 
 
 def invalid_request(found: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

@@ -1,15 +1,18 @@
 """What a site learns in the background: the latest is kept while it is learnt anew."""
 
+import logging
 import threading
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable
 from concurrent.futures import Future, ThreadPoolExecutor
 from concurrent.futures import TimeoutError as TooLate
 from dataclasses import dataclass
-from typing import Generic, Literal, Protocol, TypeVar
+from typing import Generic, Literal, NamedTuple, Protocol, TypeVar
 
 import homsense
 from homsense.engine import Engine
 from homsense_service.errors import ServiceError
+from homsense_service.garbage import let_go
 from homsense_service.versions import MapVersion
 
 Question = TypeVar("Question", bound="OfMap")
@@ -18,6 +21,8 @@ Work = TypeVar("Work")
 
 GROWN = 1.25
 _STOPPED = "the service stops"
+
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +108,15 @@ class Words:
     failed: type[ServiceError]
 
 
-class Background(Generic[Question, Known]):
+class Asked(NamedTuple):
+    """What is remembered of a question."""
+
+    map_digest: str
+    conditions: Hashable
+    scans: int
+
+
+class Background(ABC, Generic[Question, Known]):
     """One thing that a site learns about its map from its scans.
 
     What cannot be learnt from these scans is not tried again before there are more of them.
@@ -112,28 +125,24 @@ class Background(Generic[Question, Known]):
     ----------
     builder : Builder
         Does the work.
-    build : callable
-        Answers a question; tells a function how many steps are done.
     words : Words
         For those who ask too early, or in vain.
     grown : float, default 1.25
         Scans, relative to those it was learnt from, from which on it is learnt anew.
     """
 
-    def __init__(
-        self,
-        builder: Builder,
-        build: Callable[[Question, Callable[[int], None]], Known],
-        words: Words,
-        grown: float = GROWN,
-    ) -> None:
-        self._builder, self._build, self.words, self._grown = builder, build, words, grown
+    def __init__(self, builder: Builder, words: Words, grown: float = GROWN) -> None:
+        self._builder, self.words, self._grown = builder, words, grown
         self._lock = threading.Lock()
         self._building: Future[Known] | None = None
-        self._asked: Question | None = None
+        self._asked: Asked | None = None
         self._in_vain: Future[Known] | None = None
         self.current: Known | None = None
         self.progress = Progress("none")
+
+    @abstractmethod
+    def _build(self, question: Question, on_step: Callable[[int], None]) -> Known:
+        """Answer a question; tell a function how many steps are done."""
 
     def refresh(self, question: Question) -> Future[Known] | None:
         """Begin to work when map, scans or conditions have changed, unless that goes on already.
@@ -155,8 +164,9 @@ class Background(Generic[Question, Known]):
             if self._holds(question):
                 return self._in_vain
             self.progress = Progress("building")
-            self._building = self._builder.pool.submit(self._work, question)
-            return self._building
+            self._building = building = self._builder.pool.submit(self._work, question)
+        building.add_done_callback(_let_go_of_failure)
+        return building
 
     def at_hand(self, question: Question) -> Known | None:
         """Return what is known about a map, however old; begin to learn it when that is needed.
@@ -200,41 +210,50 @@ class Background(Generic[Question, Known]):
             if (building := self.refresh(question)) is None:
                 continue
             try:
-                building.result(wait_s)
+                error = building.exception(wait_s)
             except TooLate:
                 message = f"{self.words.doing}: {self.progress.done} of {self.words.steps}"
                 raise self.words.pending(message) from None
-            except (homsense.HomsenseError, RuntimeError) as error:
+            if error is not None:
                 message = f"{self.words.cannot}: {error}"
-                raise self.words.failed(message) from error
+                raise self.words.failed(message)
         return known
 
     def _holds(self, question: Question) -> bool:
         asked = self._asked
         return (
             asked is not None
-            and asked.map_version.digest == question.map_version.digest
+            and asked.map_digest == question.map_version.digest
             and asked.conditions == question.conditions
             and asked.scans <= question.scans <= self._grown * asked.scans
         )
 
     def _work(self, question: Question) -> Known:
+        asked = Asked(question.map_version.digest, question.conditions, question.scans)
         try:
             known = self._build(question, self._on_step)
         except BaseException as error:
+            is_lasting = isinstance(error, homsense.HomsenseError)
+            if not (is_lasting or self._builder.stopping.is_set()):
+                _log.exception("%s", self.words.cannot)
             with self._lock:
                 self.progress = Progress("failed", reason=str(error))
-                is_lasting = isinstance(error, homsense.HomsenseError)
-                self._asked = question if is_lasting else None
+                self._asked = asked if is_lasting else None
                 self._in_vain, self._building = self._building, None
             raise
         with self._lock:
             self.current = known
             self.progress = Progress("ready", self.progress.done)
-            self._asked, self._in_vain, self._building = question, None, None
+            self._asked, self._in_vain, self._building = asked, None, None
         return known
 
     def _on_step(self, done: int) -> None:
         if self._builder.stopping.is_set():
             raise RuntimeError(_STOPPED)
         self.progress = Progress("building", done)
+
+
+def _let_go_of_failure(building: Future[Known]) -> None:
+    """Free what a failed work was at; that it has failed is remembered for long."""
+    if not building.cancelled():
+        let_go(building.exception())

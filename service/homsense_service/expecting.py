@@ -114,7 +114,7 @@ class Expecting(Background[Question, Learnt]):
     """
 
     def __init__(self, builder: Builder) -> None:
-        super().__init__(builder, self._learn, _WORDS)
+        super().__init__(builder, _WORDS)
         self._engine = builder.engine
         self._knew_crowd = False
         self._known: OrderedDict[tuple[object, ...], homsense.Expectation] = OrderedDict()
@@ -122,7 +122,7 @@ class Expecting(Background[Question, Learnt]):
     def _holds(self, question: Question) -> bool:
         return super()._holds(question) and (self._knew_crowd or question.crowd() is None)
 
-    def _learn(self, question: Question, on_world: Callable[[int], None]) -> Learnt:
+    def _build(self, question: Question, on_step: Callable[[int], None]) -> Learnt:
         space, digest = question.map_version.free_space, question.map_version.digest
         crowd, seen = question.crowd(), list(question.sample.values())
         self._knew_crowd = crowd is not None
@@ -141,7 +141,7 @@ class Expecting(Background[Question, Learnt]):
         expectation = self._known.pop(key, None)
         if expectation is None:
             expectation = homsense.expect(
-                space, radio, walked=walked, engine=self._engine(), on_world=on_world
+                space, radio, walked=walked, engine=self._engine(), on_world=on_step
             )
         self._known[key] = expectation
         while len(self._known) > _KEPT:

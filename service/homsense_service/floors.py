@@ -56,19 +56,17 @@ class RankedFloors:
 
     Parameters
     ----------
-    question : FloorsQuestion
-        What was asked.
+    map_digest : str
+        The map of its own site.
+    maps : dict of str to MapVersion
+        The candidates, by site.
     fits : tuple of homsense.FloorFit
         The likeliest first.
     """
 
-    question: FloorsQuestion
+    map_digest: str
+    maps: dict[str, MapVersion]
     fits: tuple[homsense.FloorFit, ...]
-
-    @property
-    def map_digest(self) -> str:
-        """The map of its own site."""
-        return self.question.map_version.digest
 
 
 class RankingFloors(Background[FloorsQuestion, RankedFloors]):
@@ -81,19 +79,18 @@ class RankingFloors(Background[FloorsQuestion, RankedFloors]):
     """
 
     def __init__(self, builder: Builder) -> None:
-        super().__init__(builder, _rank, _WORDS)
+        super().__init__(builder, _WORDS)
 
+    def _build(self, question: FloorsQuestion, on_step: Callable[[int], None]) -> RankedFloors:
+        crowd, scans = question.crowd, list(question.crowd.walks())
+        grounds = {name: version.free_space for name, version in question.maps.items()}
 
-def _rank(question: FloorsQuestion, on_step: Callable[[int], None]) -> RankedFloors:
-    crowd, scans = question.crowd, list(question.crowd.walks())
-    grounds = {name: version.free_space for name, version in question.maps.items()}
+        def ranked(number: int, hearing: homsense.Hearing) -> list[homsense.FloorFit]:
+            fits = homsense.rank_floors(
+                scans, grounds, hearing=hearing, rotation_sd_rad=crowd.rotation_sd_rad
+            )
+            on_step(number + 1)
+            return fits
 
-    def ranked(number: int, hearing: homsense.Hearing) -> list[homsense.FloorFit]:
-        fits = homsense.rank_floors(
-            scans, grounds, hearing=hearing, rotation_sd_rad=crowd.rotation_sd_rad
-        )
-        on_step(number + 1)
-        return fits
-
-    best = min(of_each_hearing(ranked), key=lambda fits: fits[0].complex.registration.cost_m)
-    return RankedFloors(question, tuple(best))
+        best = min(of_each_hearing(ranked), key=lambda fits: fits[0].complex.registration.cost_m)
+        return RankedFloors(question.map_version.digest, question.maps, tuple(best))

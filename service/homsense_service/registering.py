@@ -118,9 +118,9 @@ class Registering(Background[CrowdQuestion, Registered]):
     """
 
     def __init__(self, builder: Builder) -> None:
-        super().__init__(builder, self._place, _WORDS, EXTENDED)
+        super().__init__(builder, _WORDS, EXTENDED)
 
-    def _place(self, question: CrowdQuestion, on_step: Callable[[int], None]) -> Registered:
+    def _build(self, question: CrowdQuestion, on_step: Callable[[int], None]) -> Registered:
         scans = list(question.walks())
         known = self.current
         if known is None or not _can_grow(known, question, scans):
@@ -172,14 +172,12 @@ def of_each_hearing(attempt: Callable[[int, homsense.Hearing], Result]) -> list[
         If each of them is refused.
     """
     found: list[Result] = []
-    refused: list[homsense.InvalidInputError] = []
-    for number, hearing in enumerate(HEARINGS):
+    for number, hearing in enumerate(HEARINGS, 1):
         try:
-            found.append(attempt(number, hearing))
-        except homsense.InvalidInputError as error:
-            refused.append(error)
-    if not found:
-        raise refused[-1]
+            found.append(attempt(number - 1, hearing))
+        except homsense.InvalidInputError:
+            if number == len(HEARINGS) and not found:
+                raise
     return found
 
 

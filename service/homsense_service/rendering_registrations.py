@@ -36,7 +36,7 @@ def render_floors(site: Site) -> schemas.FloorsOut:
         else [
             schemas.FloorOut(
                 site=fit.name,
-                map_version=known.question.maps[fit.name].digest,
+                map_version=known.maps[fit.name].digest,
                 probability=fit.probability,
                 **_fit(fit.complex.registration),
             )

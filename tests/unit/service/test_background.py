@@ -8,6 +8,7 @@ from homsense_service.background import Background, Builder, Words
 from homsense_service.errors import RegistrationFailedError, RegistrationPendingError
 from homsense_service.versions import MapVersion
 from support.builders import SITE_MAP
+from support.networks import until
 
 from homsense.engine import fastest
 from homsense.errors import HomsenseError
@@ -33,14 +34,13 @@ class Told:
     map_digest: str = MAP.digest
 
 
-class Learner:
+class Learner(Background[Asked, Told]):
     """Answers, or fails, and counts how often it was asked."""
 
-    def __init__(self) -> None:
-        self.error: Exception | None = None
-        self.tried = 0
+    error: Exception | None = None
+    tried = 0
 
-    def __call__(self, question: Asked, _on_step: Callable[[int], None]) -> Told:
+    def _build(self, question: Asked, _on_step: Callable[[int], None]) -> Told:
         self.tried += 1
         if self.error is not None:
             raise self.error
@@ -48,51 +48,42 @@ class Learner:
 
 
 @pytest.fixture
-def learner() -> Learner:
-    return Learner()
-
-
-@pytest.fixture
-def learning(learner: Learner) -> Iterator[Background[Asked, Told]]:
+def learner() -> Iterator[Learner]:
     builder = Builder(fastest)
-    yield Background(builder, learner, WORDS)
+    yield Learner(builder, WORDS)
     builder.close()
 
 
-def _settled(learning: Background[Asked, Told], question: Asked) -> None:
-    if (building := learning.refresh(question)) is not None:
+def _settled(learner: Learner, question: Asked) -> None:
+    if (building := learner.refresh(question)) is not None:
         building.exception(timeout=10.0)
 
 
-def test_what_holds_is_not_learnt_again(
-    learning: Background[Asked, Told], learner: Learner
-) -> None:
+def test_what_holds_is_not_learnt_again(learner: Learner) -> None:
     for scans in (100, 101, 125):
-        assert learning.learnt(Asked(scans), 10.0).scans == 100
+        assert learner.learnt(Asked(scans), 10.0).scans == 100
     assert learner.tried == 1
 
 
 @pytest.mark.parametrize("changed", [Asked(126), Asked(99), Asked(100, "another cut")])
 def test_it_is_learnt_again_when_scans_or_conditions_have_changed(
-    learning: Background[Asked, Told], learner: Learner, changed: Asked
+    learner: Learner, changed: Asked
 ) -> None:
-    learning.learnt(Asked(100), 10.0)
-    _settled(learning, changed)
+    learner.learnt(Asked(100), 10.0)
+    _settled(learner, changed)
     assert learner.tried == 2
-    assert learning.learnt(changed, 10.0).scans == changed.scans
+    assert learner.learnt(changed, 10.0).scans == changed.scans
 
 
-def test_what_cannot_be_learnt_is_tried_again_from_more_scans_only(
-    learning: Background[Asked, Told], learner: Learner
-) -> None:
+def test_what_cannot_be_learnt_is_tried_again_from_more_scans_only(learner: Learner) -> None:
     learner.error = HomsenseError("too few")
     for _ in range(3):
         with pytest.raises(RegistrationFailedError, match="cannot be: too few"):
-            learning.learnt(Asked(100), 10.0)
-        assert learning.at_hand(Asked(110)) is None
-    assert (learner.tried, learning.progress.state) == (1, "failed")
+            learner.learnt(Asked(100), 10.0)
+        assert learner.at_hand(Asked(110)) is None
+    assert (learner.tried, learner.progress.state) == (1, "failed")
     learner.error = None
-    assert learning.learnt(Asked(126), 10.0).scans == 126
+    assert learner.learnt(Asked(126), 10.0).scans == 126
 
 
 @pytest.mark.parametrize(
@@ -103,9 +94,30 @@ def test_what_cannot_be_learnt_is_tried_again_from_more_scans_only(
     ],
 )
 def test_what_may_go_well_now_is_tried_again(
-    learning: Background[Asked, Told], learner: Learner, error: Exception, again: Asked
+    learner: Learner, error: Exception, again: Asked
 ) -> None:
     learner.error = error
-    _settled(learning, Asked(100))
+    _settled(learner, Asked(100))
     learner.error = None
-    assert learning.learnt(again, 10.0).scans == 100
+    assert learner.learnt(again, 10.0).scans == 100
+
+
+def test_a_failure_that_is_remembered_holds_nothing_of_the_work(
+    learner: Learner, caplog: pytest.LogCaptureFixture
+) -> None:
+    learner.error = HomsenseError("no place")
+    for _ in range(2):
+        with pytest.raises(RegistrationFailedError, match="cannot be: no place"):
+            learner.learnt(Asked(100), 10.0)
+    error = learner.error
+    until(lambda: error.__traceback__ is None)
+    assert not caplog.records
+
+
+def test_a_failure_that_nobody_expects_is_logged(
+    learner: Learner, caplog: pytest.LogCaptureFixture
+) -> None:
+    learner.error = ZeroDivisionError("by nothing")
+    with pytest.raises(RegistrationFailedError, match="cannot be: by nothing"):
+        learner.learnt(Asked(100), 10.0)
+    assert "ZeroDivisionError: by nothing" in caplog.text

@@ -4,14 +4,19 @@ import gc
 import signal
 import subprocess
 import sys
+from functools import partial
 from json import JSONDecodeError
 from pathlib import Path
+from weakref import ref
 
 from fastapi.exceptions import RequestValidationError
 from fastapi.testclient import TestClient
 from homsense_service.app import create_app
 from homsense_service.errors import ServiceError
+from homsense_service.operations import Operations
 from homsense_service.settings import Settings
+from support.builders import SITE_MAP
+from support.networks import until
 
 ERRORS = (RequestValidationError, JSONDecodeError, ServiceError)
 
@@ -85,3 +90,42 @@ def test_no_error_waits_for_the_collector_with_the_body_it_is_about(tmp_path: Pa
         "site_not_found",
     ]
     assert not left
+
+
+def has_come_to(api: TestClient, path: str, state: str) -> bool:
+    return bool(api.get(path).json()["state"] == state)
+
+
+def test_what_was_deleted_is_gone_at_once(tmp_path: Path) -> None:
+    scans = [
+        {
+            "device": f"d{number % 9}", "scan_id": str(number), "observed_at": number,
+            "landmarks": [f"a{number % 7}", f"b{number % 5}"],
+            "track": {"id": "walk", "x_m": number / 2, "y_m": 0.0},
+        }
+        for number in range(90)
+    ]  # fmt: skip
+    learnt = {"registration": "failed", "expectation": "ready"}
+    with TestClient(create_app(Settings(data=tmp_path, engine="python"))) as api:
+        operations: Operations = api.app.state.operations  # type: ignore[attr-defined]
+        gc.collect()
+        gc.disable()
+        try:
+            for path, body in (("", {}), ("/map", SITE_MAP)):
+                api.put(f"/v1/sites/yard{path}", json=body).raise_for_status()
+            api.post("/v1/sites/yard/scans", json={"scans": scans}).raise_for_status()
+            opened = api.post("/v1/sites/yard/sessions", json={"particles": 50}).json()["session"]
+            step = {"seq": 1, "delta": {"forward_m": 1.0}, "landmarks": ["a1"]}
+            api.post(f"/v1/sessions/{opened}/steps", json={"steps": [step]}).raise_for_status()
+            for what, state in learnt.items():
+                path = f"/v1/sites/yard/{what}"
+                api.post(path).raise_for_status()
+                until(partial(has_come_to, api, path, state))
+            site = ref(operations.sites.get("yard"))
+            session = ref(operations.sessions.get(opened))
+            assert site() is not None
+            assert session() is not None
+            api.delete("/v1/sites/yard").raise_for_status()
+            until(lambda: site() is None and session() is None)
+        finally:
+            gc.enable()
