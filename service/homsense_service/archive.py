@@ -10,6 +10,7 @@ from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any, TypeVar, cast
+from weakref import WeakValueDictionary, ref
 
 import numpy as np
 
@@ -32,7 +33,7 @@ _REMEMBERED = 256
 
 
 class Archive:
-    """Artifacts by content, the latest in memory.
+    """Artifacts by content; what somebody has in memory is shared, the rest is read again.
 
     Parameters
     ----------
@@ -43,14 +44,14 @@ class Archive:
     def __init__(self, read: Callable[[str], bytes]) -> None:
         self._read = read
         self._lock = threading.Lock()
-        self._digests: OrderedDict[int, tuple[object, str]] = OrderedDict()
-        self._things: OrderedDict[str, object] = OrderedDict()
+        self._digests: OrderedDict[int, tuple[ref[object], str]] = OrderedDict()
+        self._things: WeakValueDictionary[str, object] = WeakValueDictionary()
 
     def keep(self, thing: object, to_bytes: Callable[[], bytes], artifacts: Artifacts) -> str:
         """Return the digest of a thing and note among `artifacts` how it is written."""
         with self._lock:
             known = self._digests.get(id(thing))
-        if known is not None and known[0] is thing:
+        if known is not None and known[0]() is thing:
             digest = known[1]
         else:
             digest = hashlib.sha256(to_bytes()).hexdigest()
@@ -69,11 +70,10 @@ class Archive:
 
     def _remember(self, thing: object, digest: str) -> None:
         with self._lock:
-            self._digests[id(thing)] = thing, digest
+            self._digests[id(thing)] = ref(thing), digest
             self._things[digest] = thing
-            for memory in (self._digests, self._things):
-                while len(memory) > _REMEMBERED:
-                    memory.popitem(last=False)
+            while len(self._digests) > _REMEMBERED:
+                self._digests.popitem(last=False)
 
 
 def sensor_document(sensor: Sensor, archive: Archive, artifacts: Artifacts) -> dict[str, Any]:
