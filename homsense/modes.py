@@ -96,8 +96,8 @@ def hills(smooth: IntArray, order: IntArray) -> IntArray:
     late = len(order)
     rank = np.full(flat.size, late)
     rank[order] = np.arange(late)
-    around = np.stack([rank[order + up * columns + right] for up, right in NEIGHBORS], axis=1)
-    uphill = np.minimum(around.min(axis=1, initial=late), np.arange(late))
+    around = np.stack([rank.take(order + (up * columns + right)) for up, right in NEIGHBORS])
+    uphill = np.minimum(around.min(axis=0, initial=late), np.arange(late))
     while True:
         farther = uphill[uphill]
         if np.array_equal(farther, uphill):
@@ -107,29 +107,33 @@ def hills(smooth: IntArray, order: IntArray) -> IntArray:
 
 
 def _joined(uphill: IntArray, around: IntArray, mass: IntArray) -> IntArray:
-    """Join hills at their saddles, the highest first."""
-    entering, side = np.nonzero(around < np.arange(len(mass))[:, None])
-    here, there = uphill[entering], uphill[around[entering, side]]
-    saddles = here != there
-    entering, here, there = entering[saddles], here[saddles], there[saddles]
-    pairs = np.minimum(here, there) * len(mass) + np.maximum(here, there)
-    first = np.sort(np.unique(pairs, return_index=True)[1])
-    elder = np.arange(len(mass))
+    """Join hills at their saddles, the highest first.
+
+    A saddle too low for the younger of its hills is too low for their elders, which are higher.
+    """
+    own = np.arange(len(mass))
+    beyond = np.append(uphill, 0).take(around)
+    entering, side = np.nonzero(((around < own) & (beyond != uphill)).T)
+    here, there = uphill[entering], beyond[side, entering]
+    low, high = np.minimum(here, there), np.maximum(here, there)
+    enough = mass[entering] > PROMINENCE * mass[high]
+    entering, low, high = entering[enough], low[enough], high[enough]
+    first = np.sort(np.unique(low * len(mass) + high, return_index=True)[1])
+    elder = own.tolist()
     for saddle, one, other in zip(
-        mass[entering[first]].tolist(), here[first].tolist(), there[first].tolist(), strict=True
+        mass[entering[first]].tolist(), low[first].tolist(), high[first].tolist(), strict=True
     ):
-        low, high = _root(elder, one), _root(elder, other)
-        low, high = min(low, high), max(low, high)
-        if low != high and saddle > PROMINENCE * mass[high]:
-            elder[high] = low
-    peaks = np.unique(uphill)
-    elder[peaks] = [_root(elder, peak) for peak in peaks.tolist()]
-    return elder[uphill]
+        old, young = sorted((_root(elder, one), _root(elder, other)))
+        if old != young and saddle > PROMINENCE * mass[young]:
+            elder[young] = old
+    for peak in np.flatnonzero(uphill == own).tolist():
+        own[peak] = _root(elder, peak)
+    return own[uphill]
 
 
-def _root(elder: IntArray, hill: int) -> int:
+def _root(elder: list[int], hill: int) -> int:
     while elder[hill] != hill:
-        hill = int(elder[hill])
+        hill = elder[hill]
     return hill
 
 
