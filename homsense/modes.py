@@ -113,25 +113,27 @@ def _joined(uphill: IntArray, around: IntArray, mass: IntArray) -> IntArray:
     """
     own = np.arange(len(mass))
     beyond = np.append(uphill, 0).take(around)
-    entering, side = np.nonzero(((around < own) & (beyond != uphill)).T)
-    here, there = uphill[entering], beyond[side, entering]
+    saddles = np.flatnonzero((around < own) & (beyond != uphill))
+    entering = saddles % len(mass)
+    here, there = uphill[entering], beyond.ravel()[saddles]
     low, high = np.minimum(here, there), np.maximum(here, there)
-    enough = mass[entering] > PROMINENCE * mass[high]
+    enough = np.flatnonzero(mass[entering] > PROMINENCE * mass[high])
+    enough = enough[np.argsort(entering[enough], kind="stable")]
     entering, low, high = entering[enough], low[enough], high[enough]
     first = np.sort(np.unique(low * len(mass) + high, return_index=True)[1])
-    elder = own.tolist()
+    peaks = np.flatnonzero(uphill == own).tolist()
+    elder = dict(zip(peaks, peaks, strict=True))
     for saddle, one, other in zip(
         mass[entering[first]].tolist(), low[first].tolist(), high[first].tolist(), strict=True
     ):
         old, young = sorted((_root(elder, one), _root(elder, other)))
         if old != young and saddle > PROMINENCE * mass[young]:
             elder[young] = old
-    for peak in np.flatnonzero(uphill == own).tolist():
-        own[peak] = _root(elder, peak)
+    own[peaks] = [_root(elder, peak) for peak in peaks]
     return own[uphill]
 
 
-def _root(elder: list[int], hill: int) -> int:
+def _root(elder: dict[int, int], hill: int) -> int:
     while elder[hill] != hill:
         hill = elder[hill]
     return hill
