@@ -172,11 +172,11 @@ def of_each_hearing(attempt: Callable[[int, homsense.Hearing], Result]) -> list[
         If each of them is refused.
     """
     found: list[Result] = []
-    for number, hearing in enumerate(HEARINGS, 1):
+    for number, hearing in enumerate(HEARINGS):
         try:
-            found.append(attempt(number - 1, hearing))
+            found.append(attempt(number, hearing))
         except homsense.InvalidInputError:
-            if number == len(HEARINGS) and not found:
+            if hearing is HEARINGS[-1] and not found:
                 raise
     return found
 

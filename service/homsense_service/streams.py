@@ -2,7 +2,8 @@
 
 import asyncio
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 KEPT, PATIENCE = 2, 64
 
@@ -73,20 +74,20 @@ class Streams:
     def __len__(self) -> int:
         return sum(map(len, list(self._readers.values())))
 
-    def join(self, session: str) -> Reader:
-        """Return a new reader of a session."""
+    @contextmanager
+    def reading(self, session: str) -> Iterator[Reader]:
+        """Give a new reader of a session, which counts as one until it leaves."""
         reader = Reader()
         with self._lock:
             self._readers.setdefault(session, set()).add(reader)
-        return reader
-
-    def leave(self, session: str, reader: Reader) -> None:
-        """Forget a reader."""
-        with self._lock:
-            readers = self._readers.get(session, set())
-            readers.discard(reader)
-            if not readers:
-                self._readers.pop(session, None)
+        try:
+            yield reader
+        finally:
+            with self._lock:
+                readers = self._readers[session]
+                readers.discard(reader)
+                if not readers:
+                    del self._readers[session]
 
     def publish(self, session: str, frame: bytes) -> None:
         """Give a pose to all readers and listeners of a session; from any thread."""

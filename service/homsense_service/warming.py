@@ -25,10 +25,10 @@ class Warming:
         self._done = threading.Event()
         if choice == "auto":
             threading.Thread(target=self._warm, name="warming", daemon=True).start()
-            return
-        if choice == "numba":
+        elif choice == "numba":
             self._warm()
-        self._done.set()
+        else:
+            self._done.set()
 
     def engine(self) -> Engine:
         """Return what senses."""

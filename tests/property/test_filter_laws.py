@@ -263,6 +263,7 @@ def test_modes_share_the_mass_whatever_the_order(
     )
     for mode in pose.modes:
         assert np.linalg.eigvalsh(mode.covariance).min() >= -1e-6
+        assert mode.accuracy_m >= 0.0
     areas = [pose.region_area_m2(level) for level in (0.5, 0.9, 0.95)]
     assert areas == sorted(areas)
     assert pose.density.sum() == pytest.approx(1.0)

@@ -51,9 +51,8 @@ async def get_events(session: SessionParam, request: Request) -> StreamingRespon
     _check_room(streams)
     operations: Operations = request.app.state.operations
     found = await run_in_threadpool(operations.sessions.get, session)
-    reader = streams.join(session)
     with contextlib.ExitStack() as leaving:
-        leaving.callback(streams.leave, session, reader)
+        reader = leaving.enter_context(streams.reading(session))
         first = await run_in_threadpool(found.answered, partial(pose_json, found))
         return _Events(_events(reader, first), leaving.pop_all())
 
@@ -107,9 +106,8 @@ async def stream(websocket: WebSocket, session: str) -> None:
         await websocket.close(TRY_AGAIN_LATER if later else POLICY_VIOLATION)
         return
     await websocket.accept()
-    reader = state.streams.join(session)
     sending = asyncio.Lock()
-    try:
+    with state.streams.reading(session) as reader:
         first = await run_in_threadpool(found.answered, partial(pose_json, found))
         await websocket.send_text(first.decode())
         async with anyio.create_task_group() as both:
@@ -117,8 +115,6 @@ async def stream(websocket: WebSocket, session: str) -> None:
             both.start_soon(_give, websocket, reader, sending, both.cancel_scope)
         with contextlib.suppress(RuntimeError):
             await websocket.close(GOING_AWAY)
-    finally:
-        state.streams.leave(session, reader)
 
 
 async def _give(

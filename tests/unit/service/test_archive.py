@@ -1,10 +1,10 @@
 """Artifacts are shared by all who have them, and in memory for nobody else."""
 
-import gc
 from weakref import ref
 
 import pytest
 from homsense_service.archive import Archive, Artifacts
+from support.collecting import uncollected
 
 
 class Crowd:
@@ -33,12 +33,9 @@ def test_what_somebody_has_is_not_read_again(stored: dict[str, bytes]) -> None:
 def test_what_nobody_has_is_out_of_memory_and_read_again_once(stored: dict[str, bytes]) -> None:
     archive, thing = Archive(stored.__getitem__), Crowd()
     digest, gone = kept(archive, stored, thing), ref(thing)
-    gc.disable()
-    try:
+    with uncollected():
         del thing
         assert gone() is None
-    finally:
-        gc.enable()
     again = archive.get(digest, lambda _: Crowd())
     stored.clear()
     assert archive.get(digest, lambda _: Crowd()) is again

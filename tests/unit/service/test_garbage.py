@@ -16,6 +16,7 @@ from homsense_service.errors import ServiceError
 from homsense_service.operations import Operations
 from homsense_service.settings import Settings
 from support.builders import SITE_MAP
+from support.collecting import uncollected
 from support.networks import until
 
 ERRORS = (RequestValidationError, JSONDecodeError, ServiceError)
@@ -73,16 +74,12 @@ def test_no_error_waits_for_the_collector_with_the_body_it_is_about(tmp_path: Pa
     with TestClient(create_app(Settings(data=tmp_path, engine="python"))) as api:
         api.headers["content-type"] = "application/json"
         api.put("/v1/sites/yard", json={})
-        gc.collect()
-        gc.disable()
-        try:
+        with uncollected():
             codes = [
                 api.post("/v1/sites/yard/scans", content=body).json()["code"] for body in bodies
             ]
             codes.append(api.get("/v1/sites/nowhere").json()["code"])
             left = [thing for thing in gc.get_objects() if isinstance(thing, ERRORS)]
-        finally:
-            gc.enable()
     assert codes == [
         "malformed_json",
         "malformed_json",
@@ -108,9 +105,7 @@ def test_what_was_deleted_is_gone_at_once(tmp_path: Path) -> None:
     learnt = {"registration": "failed", "expectation": "ready"}
     with TestClient(create_app(Settings(data=tmp_path, engine="python"))) as api:
         operations: Operations = api.app.state.operations  # type: ignore[attr-defined]
-        gc.collect()
-        gc.disable()
-        try:
+        with uncollected():
             for path, body in (("", {}), ("/map", SITE_MAP)):
                 api.put(f"/v1/sites/yard{path}", json=body).raise_for_status()
             api.post("/v1/sites/yard/scans", json={"scans": scans}).raise_for_status()
@@ -127,5 +122,3 @@ def test_what_was_deleted_is_gone_at_once(tmp_path: Path) -> None:
             assert session() is not None
             api.delete("/v1/sites/yard").raise_for_status()
             until(lambda: site() is None and session() is None)
-        finally:
-            gc.enable()
