@@ -328,10 +328,8 @@ def _spread(
         mode = np.uint64(of_mode[index])
         right = np.float64(particles.x_m[index]) - corner[0] - means[mode, 0]
         up = np.float64(particles.y_m[index]) - corner[1] - means[mode, 1]
-        distance = np.sqrt(right * right + up * up)
-        near[mode, np.uint64(min(distance * per_m[mode], _BINS - 1.0))] += np.float64(
-            weights[index]
-        )
+        ring = np.sqrt(right * right + up * up) * per_m[mode]
+        near[mode, np.uint64(min(ring, _BINS - 1.0))] += np.float64(weights[index])
 
 
 @apart

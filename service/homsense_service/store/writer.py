@@ -7,12 +7,14 @@ import contextlib
 import queue
 import sqlite3
 import threading
+import traceback
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Any, NamedTuple, TypeVar
 
-from homsense_service.errors import OverloadError, StoreError
+from homsense_service.errors import OverloadError, ServiceError, StoreError
+from homsense_service.garbage import let_go
 
 Result = TypeVar("Result")
 Job = Callable[[sqlite3.Connection], Result]
@@ -88,7 +90,10 @@ class Writer:
             raise OverloadError(message)
         future: Future[Result] = Future()
         self._urgent.put(_Waiting(job, done, future, self._clock()))
-        return future.result()
+        try:
+            return future.result()
+        finally:
+            del future
 
     def run_later(self, job: Job[None]) -> None:
         """Run a job some time soon; when too many wait, the oldest is forgotten."""
@@ -112,27 +117,32 @@ class Writer:
         self._connection.close()
 
     def _run(self) -> None:
-        while (first := self._urgent.get()) is not None:
-            together = [first]
-            stop = False
-            while len(together) < MOST_TOGETHER and not self._urgent.empty():
-                entry = self._urgent.get()
-                if entry is None:
-                    stop = True
-                    break
-                together.append(entry)
-            with contextlib.suppress(IndexError):
-                together.append(self._later.popleft())
-            self._oldest_s = together[0].since_s
-            self._write(together)
-            self._oldest_s = None
-            if stop:
-                break
+        while self._write_next():
+            pass
         while self._later:
             self._write([self._later.popleft()])
         while not self._urgent.empty():
             if (late := self._urgent.get()) is not None:
                 late.future.set_exception(StoreError(_CLOSED))
+
+    def _write_next(self) -> bool:
+        """Write what waits, at least one; False once the writer shall stop."""
+        if (first := self._urgent.get()) is None:
+            return False
+        together = [first]
+        stop = False
+        while len(together) < MOST_TOGETHER and not self._urgent.empty():
+            entry = self._urgent.get()
+            if entry is None:
+                stop = True
+                break
+            together.append(entry)
+        with contextlib.suppress(IndexError):
+            together.append(self._later.popleft())
+        self._oldest_s = together[0].since_s
+        self._write(together)
+        self._oldest_s = None
+        return not stop
 
     def _write(self, together: list[_Waiting]) -> None:
         started_s = self._clock()
@@ -144,7 +154,7 @@ class Writer:
                 try:
                     results.append((entry, self._alone(entry.job)))
                 except BaseException as error:
-                    refused.append((entry, error))
+                    refused.append((entry, _named(error)))
                     if not self._connection.in_transaction:
                         raise
             self._connection.execute("COMMIT")
@@ -156,7 +166,7 @@ class Writer:
             entry.done(result)
             entry.future.set_result(result)
         for entry, failure in refused:
-            entry.future.set_exception(_named(failure))
+            entry.future.set_exception(failure)
 
     def _alone(self, job: Job[Result]) -> Result:
         """Run a job so that its failure undoes nothing else."""
@@ -186,6 +196,13 @@ class Writer:
 
 
 def _named(error: BaseException) -> BaseException:
+    """Return what the caller is told: where it happened as a note, for the log.
+
+    The frames themselves hold the list of failures and so the failure again.
+    """
     if isinstance(error, sqlite3.Error):
         return StoreError(f"the store could not write: {error}")
+    if not isinstance(error, ServiceError):
+        error.add_note("".join(traceback.format_tb(error.__traceback__)))
+    let_go(error)
     return error

@@ -2,19 +2,24 @@
 
 import gc
 import signal
+import sqlite3
 import subprocess
 import sys
+import time
+from contextlib import closing
 from functools import partial
 from json import JSONDecodeError
 from pathlib import Path
 from weakref import ref
 
+import pytest
 from fastapi.exceptions import RequestValidationError
 from fastapi.testclient import TestClient
 from homsense_service.app import create_app
-from homsense_service.errors import ServiceError
+from homsense_service.errors import ServiceError, SiteNotFoundError, StoreError
 from homsense_service.operations import Operations
 from homsense_service.settings import Settings
+from homsense_service.store.writer import Writer
 from support.builders import SITE_MAP
 from support.collecting import uncollected
 from support.networks import until
@@ -87,6 +92,34 @@ def test_no_error_waits_for_the_collector_with_the_body_it_is_about(tmp_path: Pa
         "site_not_found",
     ]
     assert not left
+
+
+@pytest.mark.parametrize(
+    ("statement", "error"),
+    [
+        ("SELECT * FROM nothing", StoreError),
+        ("COMMIT", StoreError),
+        ("", SiteNotFoundError),
+        ("", ZeroDivisionError),
+    ],
+    ids=["refused", "all undone", "expected", "unexpected"],
+)
+def test_no_failure_of_the_store_waits_for_the_collector(
+    statement: str, error: type[Exception]
+) -> None:
+    def job(connection: sqlite3.Connection) -> None:
+        if not statement:
+            raise error(connection)
+        connection.execute(statement)
+
+    connection = sqlite3.connect(":memory:", isolation_level=None, check_same_thread=False)
+    with closing(Writer(connection, time.monotonic, lambda: None)) as writer, uncollected():
+        with pytest.raises(error) as told:
+            writer.run(job)
+        where = "".join(getattr(told.value, "__notes__", ()))
+        del told
+        until(lambda: not any(isinstance(thing, error) for thing in gc.get_objects()))
+    assert ("in job" in where) == (error is ZeroDivisionError)
 
 
 def has_come_to(api: TestClient, path: str, state: str) -> bool:
