@@ -13,6 +13,7 @@ from homsense.engine import Engine
 from homsense.facet_table import Ragged
 from homsense.plain import PlainComplex, PlainFiltration, from_plain, to_plain
 from homsense_service.bundles import bundled, unbundled
+from homsense_service.names import Names
 from homsense_service.records import SiteConfig
 from homsense_service.versions import ComplexVersion
 
@@ -103,9 +104,9 @@ def from_bytes(body: bytes, generation: int, engine: Engine) -> Digested:
     version = ComplexVersion(
         from_plain(plain, engine),
         document["number"],
-        frozenset(document["devices"]),
+        Names().joined_by(document["devices"]),
         generation,
-        None if document["suspects"] is None else frozenset(document["suspects"]),
+        None if document["suspects"] is None else Names().joined_by(document["suspects"]),
         tuple(
             homsense.Displaced(landmark, apart, tuple(here), tuple(there))
             for landmark, apart, here, there in document["quarantine"]

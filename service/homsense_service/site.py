@@ -5,7 +5,7 @@ import threading
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from itertools import islice
+from itertools import chain, islice
 from typing import Any, Literal
 
 import homsense
@@ -16,6 +16,7 @@ from homsense_service.checkpoints import Digested, sensing
 from homsense_service.errors import MapMissingError
 from homsense_service.expecting import Expecting, Learnt, Question, WalkedCrowd
 from homsense_service.floors import RankingFloors
+from homsense_service.names import Names
 from homsense_service.pseudonyms import canonical
 from homsense_service.records import NumberedScan, SiteConfig, StoredReading, StoredScan
 from homsense_service.registering import Registering
@@ -106,7 +107,7 @@ class Site:
 
     def _nothing(self, generation: int) -> ComplexVersion:
         empty = homsense.WitnessFiltration(self.config.quorum, self._engine())
-        return ComplexVersion(homsense.EpochFiltration(empty), 0, frozenset(), generation)
+        return ComplexVersion(homsense.EpochFiltration(empty), 0, Names(), generation)
 
     def readings(self, stored: Iterable[StoredReading]) -> list[homsense.Reading]:
         """Return readings whose identifiers compare as the site's configuration says."""
@@ -143,13 +144,12 @@ class Site:
         depth = self.config.quorum
         changed = grown.merged.level(depth) is not before.merged.level(depth)
         suspects, known = now.doubts
-        if changed and self.config.quarantine:
-            more = suspects is not None and kept is before
-            suspects = suspects.union(*observations) if more and suspects is not None else None
+        if changed and self.config.quarantine and suspects is not None:
+            suspects = suspects.joined_by(chain(*observations)) if kept is before else None
         self.complex = ComplexVersion(
             grown,
             now.number + len(scans),
-            now.devices.union(scan.device for scan in scans),
+            now.devices.joined_by(scan.device for scan in scans),
             now.generation + changed,
             suspects,
             known,

@@ -1,10 +1,11 @@
 """What a site is at one moment: its map, and what its scans say."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Self
 
 import homsense
+from homsense_service.names import Names
 
 
 @dataclass(frozen=True)
@@ -51,11 +52,11 @@ class ComplexVersion:
         The complexes by epochs and witnesses; as many levels as the quorum.
     number : int
         Scans in the log when it was reached; grows with every scan.
-    devices : frozenset of str
+    devices : Names
         Who contributed.
     generation : int
         Changes whenever the complex itself does; names what is derived from it.
-    suspects : frozenset of str, optional
+    suspects : Names, optional
         Landmarks that may have moved, or come back, since `before`; all when absent.
     before : tuple of homsense.Displaced
         The quarantine when it was last looked at.
@@ -63,9 +64,9 @@ class ComplexVersion:
 
     epochs: homsense.EpochFiltration
     number: int
-    devices: frozenset[str]
+    devices: Names
     generation: int
-    suspects: frozenset[str] | None = frozenset()
+    suspects: Names | None = field(default_factory=Names)
     before: tuple[homsense.Displaced, ...] = ()
 
     @cached_property
@@ -73,16 +74,16 @@ class ComplexVersion:
         """Transmitters that seem to have moved; they are not sensed. Looked for when asked for."""
         if self.suspects is not None and not self.suspects:
             return self.before
-        looked_at = self.suspects
-        if looked_at is not None:
-            looked_at = looked_at.union(found.landmark for found in self.before)
+        if self.suspects is None:
+            return tuple(homsense.displaced(self.landmark_complex))
+        looked_at = frozenset(self.suspects).union(found.landmark for found in self.before)
         return tuple(homsense.displaced(self.landmark_complex, looked_at))
 
     @property
-    def doubts(self) -> tuple[frozenset[str] | None, tuple[homsense.Displaced, ...]]:
+    def doubts(self) -> tuple[Names | None, tuple[homsense.Displaced, ...]]:
         """What is still to be looked at, and the quarantine before that: for the next version."""
         if "quarantine" in self.__dict__:
-            return frozenset(), self.quarantine
+            return Names(), self.quarantine
         return self.suspects, self.before
 
     @property

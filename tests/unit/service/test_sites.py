@@ -1,5 +1,9 @@
 """A site's versions are replaced whole, so that readers need no lock."""
 
+import tracemalloc
+from dataclasses import replace
+
+import pytest
 from homsense_service.records import NumberedScan, SiteConfig, StoredReading, StoredScan
 from homsense_service.settings import Settings
 from homsense_service.site import Site
@@ -74,3 +78,26 @@ def test_what_was_received_before_a_rebuild_is_read_from_the_log_alone() -> None
     site.receive([NumberedScan(7, _scans(0, 1)[0])])
     site.forget()
     assert site.catch_up(NOW_S).landmark_complex.n_landmarks == 0
+
+
+@pytest.mark.parametrize(
+    "config",
+    [SiteConfig(), SiteConfig(quorum=2), SiteConfig(retention=(1e6, 2))],
+    ids=["plain", "witnessed", "forgetting"],
+)
+def test_a_scan_takes_its_own_size_however_many_devices_and_landmarks_there_are(
+    config: SiteConfig,
+) -> None:
+    site = Site("a", config, Settings(calibration_scans=5))
+    for first in range(0, 20_000, 1000):
+        site.absorb([replace(scan, device=scan.scan_id) for scan in _scans(first, 1000)], NOW_S)
+    (last,) = _scans(20_000, 1)
+    site.absorb([replace(last, device="p")], NOW_S)
+    tracemalloc.start()
+    try:
+        site.absorb([replace(last, device="q", scan_id="again")], NOW_S)
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak < 300_000
+    assert len(site.complex.devices) == 20_002
