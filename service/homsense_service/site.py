@@ -44,6 +44,7 @@ class Site:
         self.config = config
         self.revision = 1
         self.map: MapVersion | None = None
+        self.replacing = threading.Lock()
         self.writing = threading.Lock()
         self._settings = settings
         self._engine = engine
@@ -70,13 +71,16 @@ class Site:
         self._caching = threading.Lock()
         self._deriving = threading.Lock()
 
-    def forget(self) -> None:
-        """Start again from no scan; the caller holds `writing`."""
-        self.complex = self._nothing(generation=self.complex.generation + 1)
-        self._sample = {}
+    def take_over(self, built: "Site") -> None:
+        """Replace what the scans were made into by what another made of the same log.
+
+        The caller holds `writing`.
+        """
+        digested = built.digested()
+        following = replace(digested.complex, generation=self.complex.generation + 1)
+        self.config = built.config
+        self.resume(replace(digested, complex=following), max(self.through, built.through))
         self._profiles = {}
-        self.tracked = self.through = 0
-        self._inbox.clear()
         with self._caching:
             self._sensed.clear()
 

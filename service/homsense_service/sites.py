@@ -99,15 +99,19 @@ class SiteRegistry:
                 self._store.put_site(name, SiteRecord(config))
                 self._sites[name] = site = self._new(name, SiteRecord(config))
                 return site, True
-        with site.writing:
+        with site.replacing:
             check(str(site.revision), expected)
-            self._store.put_site(name, SiteRecord(config, site.revision + 1))
-            before, site.config = site.config, config
-            site.revision += 1
-            if sensing(before) != sensing(config):
-                self.rebuild(site)
-            if site.map is not None and before.origin != config.origin:
-                site.map = self.read_map(site.map.document, config)
+            before = site.config
+            built = self._built(site, config) if sensing(before) != sensing(config) else None
+            with site.writing:
+                check(str(site.revision), expected)
+                self._store.put_site(name, SiteRecord(config, site.revision + 1))
+                if built is not None:
+                    self._replace(site, built)
+                site.config = config
+                site.revision += 1
+                if site.map is not None and before.origin != config.origin:
+                    site.map = self.read_map(site.map.document, config)
         return site, False
 
     def delete(self, name: str, expected: Expected = whatever) -> None:
@@ -158,10 +162,14 @@ class SiteRegistry:
 
     def delete_device(self, site: Site, device: str) -> int:
         """Delete the scans of a device and build the complex from the others."""
-        with site.writing:
+        with site.replacing:
             deleted = self._store.delete_scans(site.name, device)
             if deleted:
-                self.rebuild(site)
+                with site.writing:
+                    site.catch_up(self._clock())
+                built = self._built(site, site.config)
+                with site.writing:
+                    self._replace(site, built)
         return deleted
 
     def expire(self) -> None:
@@ -185,10 +193,11 @@ class SiteRegistry:
 
     def keep_checkpoint(self, site: Site) -> None:
         """Keep what a site has made of its scans so far."""
-        with site.writing:
-            digested, through, config = site.digested(), site.through, site.config
-        key = checkpoint_key(config, self._settings.calibration_scans)
-        self._store.put_checkpoint(site.name, Checkpoint(through, key, to_bytes(digested)))
+        with site.replacing:
+            with site.writing:
+                digested, through, config = site.digested(), site.through, site.config
+            key = checkpoint_key(config, self._settings.calibration_scans)
+            self._store.put_checkpoint(site.name, Checkpoint(through, key, to_bytes(digested)))
 
     def _is_due(self, site: Site) -> bool:
         """Tell whether the end of the log has become so long that a start would be slow."""
@@ -263,13 +272,32 @@ class SiteRegistry:
 
     def rebuild(self, site: Site) -> None:
         """Build what a site makes of its scans again, from the log alone."""
-        site.forget()
-        self._checkpointed.pop(site.name, None)
-        self._read_on(site)
+        with site.replacing:
+            built = self._built(site, site.config)
+            with site.writing:
+                self._replace(site, built)
 
-    def _read_on(self, site: Site) -> None:
-        """Join what the log has behind the last scan that was taken in."""
-        log = self._store.scans(site.name, site.through)
+    def _built(self, site: Site, config: SiteConfig) -> Site:
+        """Return what a site would be under a configuration, but for the latest scans.
+
+        The site itself goes on meanwhile.
+        """
+        built = self._new(site.name, SiteRecord(config))
+        while self._read_on(built) > _CHUNK:
+            pass
+        return built
+
+    def _replace(self, site: Site, built: Site) -> None:
+        """Let a site go on as it was built again; the caller holds `writing`."""
+        self._read_on(built)
+        site.take_over(built)
+        self._checkpointed.pop(site.name, None)
+
+    def _read_on(self, site: Site) -> int:
+        """Join what the log has behind the last scan that was taken in; return how many."""
+        count, log = 0, self._store.scans(site.name, site.through)
         while chunk := list(islice(log, _CHUNK)):
             site.take_in(chunk, self._clock())
+            count += len(chunk)
         site.take_in((), self._clock())
+        return count

@@ -4,7 +4,7 @@ import tracemalloc
 from dataclasses import replace
 
 import pytest
-from homsense_service.records import NumberedScan, SiteConfig, StoredReading, StoredScan
+from homsense_service.records import SiteConfig, StoredReading, StoredScan
 from homsense_service.settings import Settings
 from homsense_service.site import Site
 
@@ -71,13 +71,6 @@ def test_scans_are_forgotten_by_epochs_and_the_clock_of_a_phone_decides_nothing(
     assert site.complex.generation > generation
     site.absorb([], 500.0)
     assert site.complex.landmark_complex.n_landmarks == 0
-
-
-def test_what_was_received_before_a_rebuild_is_read_from_the_log_alone() -> None:
-    site = Site("a", SiteConfig(), Settings())
-    site.receive([NumberedScan(7, _scans(0, 1)[0])])
-    site.forget()
-    assert site.catch_up(NOW_S).landmark_complex.n_landmarks == 0
 
 
 @pytest.mark.parametrize(
