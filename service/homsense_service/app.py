@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import zenoh
+from anyio import to_thread
 from fastapi import FastAPI
 from starlette.concurrency import run_in_threadpool
 from starlette.middleware.cors import CORSMiddleware
@@ -90,6 +91,8 @@ def create_app(
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        threads = to_thread.current_default_thread_limiter()
+        threads.total_tokens += chosen.max_pending_requests
         with closing(open_store(chosen.data)) as store:
             if store.caution:
                 _log.warning(store.caution)

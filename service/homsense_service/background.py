@@ -41,10 +41,13 @@ class Builder:
     ----------
     engine : callable
         Returns what runs the hot loops.
+    most_waiting : int, default 128
+        How many may wait for a result at once.
     """
 
-    def __init__(self, engine: Callable[[], Engine]) -> None:
+    def __init__(self, engine: Callable[[], Engine], most_waiting: int = 128) -> None:
         self.engine = engine
+        self.seats = threading.BoundedSemaphore(most_waiting)
         self.pool = ThreadPoolExecutor(1, thread_name_prefix="learning")
         self.stopping = threading.Event()
 
@@ -194,7 +197,8 @@ class Background(ABC, Generic[Question, Known]):
         question : Question
             The site as it is now.
         wait_s : float
-            How long to wait when nothing is known about this map, seconds.
+            How long to wait when nothing is known about this map, seconds; not at all when too
+            many wait already.
 
         Returns
         -------
@@ -209,11 +213,15 @@ class Background(ABC, Generic[Question, Known]):
         while (known := self.at_hand(question)) is None:
             if (building := self.refresh(question)) is None:
                 continue
+            has_seat = self._builder.seats.acquire(blocking=False)
             try:
-                error = building.exception(wait_s)
+                error = building.exception(wait_s if has_seat else 0.0)
             except TooLate:
                 message = f"{self.words.doing}: {self.progress.done} of {self.words.steps}"
                 raise self.words.pending(message) from None
+            finally:
+                if has_seat:
+                    self._builder.seats.release()
             if error is not None:
                 message = f"{self.words.cannot}: {error}"
                 raise self.words.failed(message)

@@ -66,7 +66,7 @@ class SiteRegistry:
         self._clock = clock
         self._settings = settings
         self._engine = engine
-        self._builder = Builder(engine)
+        self._builder = Builder(engine, max(1, settings.max_pending_requests // 2))
         self.watch: Watch = unwatched
         self._lock = threading.Lock()
         self._checkpointed: dict[str, int] = {}

@@ -25,7 +25,7 @@ router = APIRouter(tags=["operation"])
 
 
 @router.get("/healthz", summary="Liveness")
-def healthz() -> schemas.HealthzOut:
+async def healthz() -> schemas.HealthzOut:
     """Answer as long as the process does."""
     return schemas.HealthzOut(status="ok")
 
