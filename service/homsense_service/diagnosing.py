@@ -4,6 +4,7 @@ from collections.abc import Iterable, Sequence
 
 import homsense
 from homsense.diagnosis import USUAL_AGE_S
+from homsense_service.expecting import Learnt
 from homsense_service.records import StoredScan
 from homsense_service.site import Site
 from homsense_service.sites import SiteRegistry
@@ -11,14 +12,12 @@ from homsense_service.sites import SiteRegistry
 _MOST_IN_VIEW = 60.0
 
 
-def diagnosed(sites: SiteRegistry, site: Site) -> homsense.Diagnosis:
+def diagnosed(sites: SiteRegistry, site: Site, learnt: Learnt) -> homsense.Diagnosis:
     """Return the diagnosis of a site; it takes as many of its scans as it learns from.
 
     Where the crowd has corrected what is expected, bits are measured on the site itself, and
     whether it is like simulated sites is no longer asked.
     """
-    sites.placed(site)
-    learnt = site.learnt()
     scans, latest = sites.some_scans(site)
     heard = [reading for scan in scans for reading in site.readings(scan.readings)]
     seen = [(scan.device, site.visible(scan.readings)) for scan in scans]

@@ -19,6 +19,7 @@ from homsense_service.floors import FloorsQuestion
 from homsense_service.localizing import localizing, restored, run_document
 from homsense_service.portable import exported
 from homsense_service.pseudonyms import Pseudonyms
+from homsense_service.questions import Questions
 from homsense_service.records import (
     Binding,
     KeyRecord,
@@ -102,6 +103,7 @@ class Operations:
         self._clock, self._backend = clock, backend
         self.watch: Watch = unwatched
         self._turn = threading.Semaphore(AT_ONCE)
+        self.ask = Questions().answer
         self._asking = [threading.Lock() for _ in range(ASKING)]
         self._archive = Archive(store.artifact)
         secret = settings.hash_key
@@ -184,7 +186,10 @@ class Operations:
 
     def diagnose(self, name: str) -> homsense.Diagnosis:
         """Judge a site by what it has learnt about itself."""
-        return diagnosed(self.sites, self.sites.get(name))
+        site = self.sites.get(name)
+        self.sites.placed(site)
+        learnt = site.learnt()
+        return self.ask((name, "diagnosis"), lambda: diagnosed(self.sites, site, learnt))
 
     def open_session(
         self, site_name: str, request: schemas.SessionIn, asked_as: str | None = None

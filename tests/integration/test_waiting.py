@@ -13,7 +13,9 @@ from fastapi.testclient import TestClient
 from homsense_service.app import create_app
 from homsense_service.expecting import Expecting
 from homsense_service.operations import Operations
+from homsense_service.questions import MOST_WAITING
 from homsense_service.settings import Settings
+from homsense_service.sites import SiteRegistry
 from support.builders import SITE_MAP
 from support.networks import until
 
@@ -128,3 +130,34 @@ def test_not_more_wait_for_a_site_to_learn_than_leave_room_for_others(
         everybody_else_is_answered(api, crowd)
         learning.set()
         assert all(answer.result(60.0).status_code == 201 for answer in fleet)
+
+
+def test_questions_that_take_long_are_answered_one_by_one_and_the_same_one_once(
+    tmp_path: Path, crowd: ThreadPoolExecutor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    go_on, curve, begun = threading.Event(), SiteRegistry.range_curve, list[str]()
+
+    def held_back(self: SiteRegistry, site: Any, *scans: Any, **how: Any) -> Any:
+        begun.append(site.name)
+        assert go_on.wait(30.0)
+        return curve(self, site, *scans, **how)
+
+    monkeypatch.setattr(SiteRegistry, "range_curve", held_back)
+    with serving(tmp_path) as api:
+        path = "/v1/sites/{}/complex?curve=rssi"
+        first = crowd.submit(api.get, path.format("yard"))
+        until(lambda: begun)
+        waiting = [first, crowd.submit(api.get, path.format("other"))]
+        while len(waiting) < MOST_WAITING:
+            waiting.append(crowd.submit(api.get, path.format("yard")))
+        all_wait(api, crowd, MOST_WAITING)
+        refused = crowd.submit(api.get, path.format("yard")).result(SOON_S)
+        assert (refused.status_code, refused.json()["code"]) == (503, "overload")
+        assert int(refused.headers["retry-after"]) > 0
+        everybody_else_is_answered(api, crowd)
+        assert begun == ["yard"]
+        go_on.set()
+        assert all(answer.result(SOON_S).status_code == 200 for answer in waiting)
+        assert sorted(begun) == ["other", "yard", "yard"]
+        api.get(path.format("yard")).raise_for_status()
+        assert len(begun) == 4

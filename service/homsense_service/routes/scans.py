@@ -6,6 +6,8 @@ from fastapi import APIRouter, Query
 
 from homsense_service import rendering, schemas
 from homsense_service.routes.access import MetricsDep, OperationsDep, SiteParam, needs, problems
+from homsense_service.site import Site
+from homsense_service.sites import SiteRegistry
 
 router = APIRouter(prefix="/v1/sites/{site}", tags=["scans"])
 
@@ -38,7 +40,7 @@ def post_scans(
     "/complex",
     dependencies=[needs("read")],
     summary="The landmark complex",
-    responses=problems(404, 422),
+    responses=problems(404, 422, 503),
 )
 def get_complex(
     site: SiteParam,
@@ -55,12 +57,10 @@ def get_complex(
     """Return the numbers of the complex, or the complex itself, or one of its self-checks."""
     found = operations.sites.get(site)
     if curve is not None:
-        scans = operations.sites.checked_scans(found)
-        if curve == "witnesses":
-            check = operations.sites.witness_curve(found, scans)
-            return rendering.render_witness_curve(found, len(scans), check)
-        points = operations.sites.range_curve(found, scans)
-        return rendering.render_range_curve(found, len(scans), points)
+        sites = operations.sites
+        if curve == "rssi":
+            return operations.ask((site, curve), lambda: _range_curve(sites, found))
+        return operations.ask((site, curve), lambda: _witness_curve(sites, found))
     version = found.complex
     if format is None:
         return rendering.render_complex(version)
@@ -70,6 +70,16 @@ def get_complex(
         "node-link": rendering.render_node_link,
     }
     return exports[format](version.landmark_complex)
+
+
+def _range_curve(sites: SiteRegistry, site: Site) -> schemas.RangeCurveOut:
+    scans = sites.checked_scans(site)
+    return rendering.render_range_curve(site, len(scans), sites.range_curve(site, scans))
+
+
+def _witness_curve(sites: SiteRegistry, site: Site) -> schemas.WitnessCurveOut:
+    scans = sites.checked_scans(site)
+    return rendering.render_witness_curve(site, len(scans), sites.witness_curve(site, scans))
 
 
 @router.post(
