@@ -19,7 +19,6 @@ from homsense_service.floors import FloorsQuestion
 from homsense_service.localizing import localizing, restored, run_document
 from homsense_service.portable import exported
 from homsense_service.pseudonyms import Pseudonyms
-from homsense_service.questions import Questions
 from homsense_service.records import (
     Binding,
     KeyRecord,
@@ -36,12 +35,12 @@ from homsense_service.settings import Settings
 from homsense_service.site import Site
 from homsense_service.sites import SiteRegistry
 from homsense_service.store import Store
+from homsense_service.turns import Questions, Turns
 from homsense_service.watching import Watch, unwatched
 
 Answer = TypeVar("Answer")
 
 AT_ONCE = 1
-ASKING = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +103,7 @@ class Operations:
         self.watch: Watch = unwatched
         self._turn = threading.Semaphore(AT_ONCE)
         self.ask = Questions().answer
-        self._asking = [threading.Lock() for _ in range(ASKING)]
+        self._asking = Turns()
         self._archive = Archive(store.artifact)
         secret = settings.hash_key
         self._names = Pseudonyms(None if secret is None else secret.get_secret_value().encode())
@@ -217,7 +216,7 @@ class Operations:
         """
         if asked_as is None:
             return self._opened(site_name, request, None)
-        with self._asking[hash(asked_as) % ASKING]:
+        with self._asking.of(asked_as):
             known = self.sessions.asked_as(asked_as)
             if known is None:
                 return self._opened(site_name, request, asked_as)

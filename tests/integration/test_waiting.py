@@ -10,14 +10,15 @@ from typing import Any
 
 import pytest
 from fastapi.testclient import TestClient
+from homsense_client.streaming import Robot, connect
 from homsense_service.app import create_app
 from homsense_service.expecting import Expecting
 from homsense_service.operations import Operations
-from homsense_service.questions import MOST_WAITING
 from homsense_service.settings import Settings
 from homsense_service.sites import SiteRegistry
+from homsense_service.turns import MOST_WAITING
 from support.builders import SITE_MAP
-from support.networks import until
+from support.networks import endpoint, fill, until
 
 CROWD = 60
 """More than the threads that a service of this kind has when nobody says how many."""
@@ -116,6 +117,26 @@ def test_a_fleet_that_waits_for_its_site_to_learn_holds_up_no_other(
         everybody_else_is_answered(api, crowd)
         learning.set()
         assert all(answer.result(60.0).status_code == 201 for answer in fleet)
+
+
+def test_robots_that_wait_for_their_site_to_learn_hold_up_no_other_robot(
+    tmp_path: Path, crowd: ThreadPoolExecutor, learning: threading.Event
+) -> None:
+    listen = endpoint()
+    with serving(tmp_path, zenoh_listen=[listen]) as api, connect(listen) as network:
+        fill(api, "other")
+
+        def let_in(name: str, site: str) -> int:
+            with Robot(network, name) as robot:
+                robot.open(site, particles=50)
+                return robot.last().seq
+
+        fleet = [crowd.submit(let_in, f"waits{number}", "yard") for number in range(16)]
+        others = [crowd.submit(let_in, f"goes{number}", "other") for number in range(16)]
+        assert [robot.result(SOON_S) for robot in others] == [0] * 16
+        assert not any(robot.done() for robot in fleet)
+        learning.set()
+        assert [robot.result(60.0) for robot in fleet] == [0] * 16
 
 
 def test_not_more_wait_for_a_site_to_learn_than_leave_room_for_others(

@@ -38,7 +38,7 @@ from homsense_service.streams import Streams
 
 _log = logging.getLogger(__name__)
 
-WORKERS, OPENERS, DOORS = 8, 4, 64
+WORKERS, OPENERS, DOORS = 8, 64, 4096
 TICK_S = 0.5
 AGAIN_S = 5.0
 

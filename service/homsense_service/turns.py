@@ -1,10 +1,11 @@
-"""Questions that take seconds: few wait, one is answered at a time, and the same one once."""
+"""Who asks at the same time takes turns, and some share an answer."""
 
 import itertools
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from typing import Any, TypeVar, cast
+from weakref import WeakValueDictionary
 
 from homsense_service.errors import OverloadError
 
@@ -13,8 +14,21 @@ Answer = TypeVar("Answer")
 MOST_WAITING = 8
 
 
+class Turns:
+    """A lock for each name, there as long as somebody holds it or waits for it."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._turns: WeakValueDictionary[str, threading.Lock] = WeakValueDictionary()
+
+    def of(self, name: str) -> threading.Lock:
+        """Return the lock of a name."""
+        with self._lock:
+            return self._turns.setdefault(name, threading.Lock())
+
+
 class Questions:
-    """Keeps those who ask much from taking the processor from everybody else."""
+    """Questions that take seconds: few wait, one is answered at a time, and the same one once."""
 
     def __init__(self) -> None:
         self._turn = threading.Lock()
