@@ -168,9 +168,13 @@ def render_geojson(pose: homsense.PoseDistribution, site_map: homsense.SiteMap) 
 def _region(pose: homsense.PoseDistribution, level: float) -> shapely.MultiPolygon:
     row, column = np.nonzero(pose.region(level))
     (west, south), cell_m = pose.corner, pose.histogram.cell_m
-    x, y = west + column * cell_m, south + row * cell_m
-    cells = shapely.union_all(shapely.box(x, y, x + cell_m, y + cell_m))
-    return shapely.MultiPolygon(list(shapely.get_parts(cells)))
+    cells = shapely.box(
+        west + column * cell_m,
+        south + row * cell_m,
+        west + (column + 1) * cell_m,
+        south + (row + 1) * cell_m,
+    )
+    return shapely.MultiPolygon(list(shapely.get_parts(shapely.coverage_union_all(cells))))
 
 
 def _health(pose: homsense.PoseDistribution) -> schemas.HealthOut:
