@@ -21,6 +21,7 @@ FloatArray = NDArray[np.float64]
 Distance = Literal["euclidean", "geodesic"]
 
 MESH_M = 5.0
+_SLACK_M = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,12 +162,19 @@ def structures_within(
         Counts.
     """
     counts = np.zeros((len(radii_m), len(places)))
+    northward = np.argsort(places[:, 1], kind="stable")
+    east, north = places[northward].T
+    reach = radii_m.max(initial=0.0) + _SLACK_M
     for mesh in meshes:
         hull = shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(mesh)))
-        farthest = np.zeros(len(places))
+        (west_m, south_m), (east_m, north_m) = hull.max(axis=0) - reach, hull.min(axis=0) + reach
+        first, last = np.searchsorted(north, (south_m, north_m))
+        band = east[first:last]
+        near = first + np.flatnonzero((band >= west_m) & (band <= east_m))
+        farthest = np.zeros(len(near))
         for x, y in hull:
-            np.maximum(farthest, np.hypot(places[:, 0] - x, places[:, 1] - y), out=farthest)
-        counts += farthest[None, :] <= radii_m[:, None]
+            np.maximum(farthest, np.hypot(east[near] - x, north[near] - y), out=farthest)
+        counts[:, northward[near]] += farthest <= radii_m[:, None]
     return counts
 
 

@@ -4,12 +4,18 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
 from support.builders import feature, local_map, square
 
 from homsense import FreeSpace, HeightMap, InvalidInputError, SiteMap, calibrate_r_geo
 from homsense.geodesic import distances_from, free_space_graph
 from homsense.grid import Grid
+from homsense.height import structures_within
 from homsense.philox import random_words
+
+Array = NDArray[np.float64]
 
 BLOCKS = SiteMap.from_geojson(
     local_map(*(feature(square(60 * i, 60 * j, 40)) for i in range(4) for j in range(3)))
@@ -22,6 +28,25 @@ def test_a_structure_counts_where_its_whole_mesh_is_near(square: SiteMap) -> Non
     corners = np.array([[0, 0], [10, 0], [0, 10], [10, 10]])
     farthest = np.linalg.norm(xy[:, None] - corners, axis=2).max(axis=1)
     assert np.array_equal(height.at(xy), (farthest <= 14.0).astype(float))
+
+
+numbers = st.integers(-30, 30).map(float) | st.floats(-30.0, 30.0)
+points = st.lists(st.tuples(numbers, numbers), min_size=1, max_size=6).map(np.array)
+
+
+@given(
+    meshes=st.lists(points, max_size=4),
+    places=points,
+    radii=st.lists(st.integers(0, 50).map(float), min_size=1, max_size=3).map(np.array),
+)
+def test_a_count_is_of_the_structures_no_point_of_which_is_farther(
+    meshes: list[Array], places: Array, radii: Array
+) -> None:
+    expected = np.zeros((len(radii), len(places)))
+    for mesh in meshes:
+        apart = np.hypot(*(places[:, None] - mesh).transpose(2, 0, 1)).max(axis=1)
+        expected += apart <= radii[:, None]
+    assert structures_within(meshes, places, radii).tolist() == expected.tolist()
 
 
 def test_bilinear_look_up_agrees_at_the_middle_of_cells_and_between_them() -> None:
