@@ -41,9 +41,9 @@ def exported(store: Store, site: str) -> Iterator[bytes]:
     for line in _lines(store, site):
         text = _text(line)
         seal.update(text)
-        yield packing.compress(text)
-    yield packing.compress(_text({"sha256": seal.hexdigest()}))
-    yield packing.flush()
+        if piece := packing.compress(text):
+            yield piece
+    yield packing.compress(_text({"sha256": seal.hexdigest()})) + packing.flush()
 
 
 def check(pieces: Iterable[bytes]) -> str:

@@ -12,6 +12,7 @@ from fastapi.testclient import TestClient
 from homsense_cli.__main__ import app, main
 from homsense_service import sites
 from homsense_service.app import create_app
+from homsense_service.portable import exported
 from homsense_service.settings import Settings
 from homsense_service.store import SqliteStore
 from support.builders import SITE_MAP
@@ -48,6 +49,13 @@ def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
             steps = [{"seq": seq, "landmarks": ["l1"]} for seq in range(first, first + 100)]
             api.post(f"/v1/sessions/{session}/steps", json={"steps": steps})
     return directory
+
+
+def test_an_export_comes_in_few_pieces_however_many_scans_there_are(data: Path) -> None:
+    with closing(SqliteStore(data)) as store:
+        pieces = list(exported(store, "a"))
+    assert all(pieces)
+    assert len(pieces) < 10
 
 
 def test_an_exported_site_is_imported_as_it_was(data: Path, tmp_path: Path) -> None:
