@@ -79,9 +79,11 @@ def displaced(
     [('car', 5.5)]
     """
     wanted = landmark_complex.landmarks if landmarks is None else landmarks
-    found = []
-    for number in np.sort(landmark_complex.numbers(wanted)).tolist():
-        parts = _far_parts(landmark_complex.version, number, far_hops, support)
+    found, version = [], landmark_complex.version
+    numbers = np.sort(landmark_complex.numbers(wanted))
+    facets = np.diff(version.posting_lists(numbers).ends)
+    for number in numbers[facets >= 2 * support].tolist():
+        parts = _far_parts(version, number, far_hops, support)
         if parts is not None:
             hops, here, there = parts
             (name,) = landmark_complex.names(np.array([number], np.int32))
