@@ -22,6 +22,7 @@ Distance = Literal["euclidean", "geodesic"]
 
 MESH_M = 5.0
 _SLACK_M = 1e-3
+"""Places that far beyond a radius are looked at, too: rounding must not lose any."""
 
 
 @dataclass(frozen=True, eq=False)

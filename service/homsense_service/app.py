@@ -91,6 +91,7 @@ def create_app(
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        # Each request that may wait has a thread, so that those who wait hold up nobody else.
         threads = to_thread.current_default_thread_limiter()
         threads.total_tokens += chosen.max_pending_requests
         with closing(open_store(chosen.data)) as store:

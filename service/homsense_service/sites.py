@@ -103,7 +103,7 @@ class SiteRegistry:
             check(str(site.revision), expected)
             before = site.config
             built = self._built(site, config) if sensing(before) != sensing(config) else None
-            with site.writing:
+            with site.writing:  # somebody may have put a map meanwhile
                 check(str(site.revision), expected)
                 self._store.put_site(name, SiteRecord(config, site.revision + 1))
                 if built is not None:
@@ -167,9 +167,7 @@ class SiteRegistry:
             if deleted:
                 with site.writing:
                     site.catch_up(self._clock())
-                built = self._built(site, site.config)
-                with site.writing:
-                    self._replace(site, built)
+                self._rebuild(site)
         return deleted
 
     def expire(self) -> None:
@@ -273,9 +271,12 @@ class SiteRegistry:
     def rebuild(self, site: Site) -> None:
         """Build what a site makes of its scans again, from the log alone."""
         with site.replacing:
-            built = self._built(site, site.config)
-            with site.writing:
-                self._replace(site, built)
+            self._rebuild(site)
+
+    def _rebuild(self, site: Site) -> None:
+        built = self._built(site, site.config)
+        with site.writing:
+            self._replace(site, built)
 
     def _built(self, site: Site, config: SiteConfig) -> Site:
         """Return what a site would be under a configuration, but for the latest scans.

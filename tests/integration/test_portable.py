@@ -2,6 +2,7 @@
 
 import gzip
 import json
+import shutil
 import sqlite3
 from contextlib import closing
 from pathlib import Path
@@ -25,12 +26,15 @@ def run(*words: str, code: int = 0) -> str:
     return result.output
 
 
-@pytest.fixture
-def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+@pytest.fixture(scope="module")
+def filled(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A store with a site, a long log and a session."""
-    monkeypatch.setattr(sites, "_LEAST_TAIL", 50)
-    directory = tmp_path / "data"
-    with TestClient(create_app(Settings(data=directory))) as api:
+    directory = tmp_path_factory.mktemp("filled")
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        TestClient(create_app(Settings(data=directory))) as api,
+    ):
+        patch.setattr(sites, "_LEAST_TAIL", 50)
         origin = {"lat": 1, "lon": 2}
         api.put("/v1/sites/a", json={"name": "\u00c4", "hops": [1, 2], "origin": origin})
         api.put("/v1/sites/a/map", json=SITE_MAP)
@@ -49,6 +53,12 @@ def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
             steps = [{"seq": seq, "landmarks": ["l1"]} for seq in range(first, first + 100)]
             api.post(f"/v1/sessions/{session}/steps", json={"steps": steps})
     return directory
+
+
+@pytest.fixture
+def data(filled: Path, tmp_path: Path) -> Path:
+    """A copy of it that a test may spoil."""
+    return shutil.copytree(filled, tmp_path / "data")
 
 
 def test_an_export_comes_in_few_pieces_however_many_scans_there_are(data: Path) -> None:
