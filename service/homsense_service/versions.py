@@ -72,10 +72,10 @@ class ComplexVersion:
     @cached_property
     def quarantine(self) -> tuple[homsense.Displaced, ...]:
         """Transmitters that seem to have moved; they are not sensed. Looked for when asked for."""
-        if self.suspects is not None and not self.suspects:
-            return self.before
         if self.suspects is None:
             return tuple(homsense.displaced(self.landmark_complex))
+        if not self.suspects:
+            return self.before
         looked_at = frozenset(self.suspects).union(found.landmark for found in self.before)
         return tuple(homsense.displaced(self.landmark_complex, looked_at))
 

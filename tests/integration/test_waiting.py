@@ -3,7 +3,7 @@
 import threading
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -23,8 +23,6 @@ from support.networks import endpoint, fill, until
 CROWD = 60
 """More than the threads that a service of this kind has when nobody says how many."""
 SOON_S = 10.0
-
-Answers = list[Future[Any]]
 
 
 @pytest.fixture
@@ -72,6 +70,11 @@ def everybody_else_is_answered(api: TestClient, crowd: ThreadPoolExecutor) -> No
     posted = {"scans": [scan(time.monotonic_ns(), "a")]}
     answer = crowd.submit(api.post, "/v1/sites/other/scans", json=posted)
     assert answer.result(SOON_S).status_code == 200
+
+
+def comes_back_later(refused: Any, code: str) -> None:
+    assert (refused.status_code, refused.json()["code"]) == (503, code)
+    assert int(refused.headers["retry-after"]) > 0
 
 
 def test_a_crowd_that_waits_for_a_site_holds_up_no_other(
@@ -146,8 +149,7 @@ def test_not_more_wait_for_a_site_to_learn_than_leave_room_for_others(
         fleet = [crowd.submit(opened, api, seed) for seed in range(4)]
         all_wait(api, crowd, 4)
         refused = crowd.submit(opened, api, 4).result(SOON_S)
-        assert (refused.status_code, refused.json()["code"]) == (503, "expectation_pending")
-        assert int(refused.headers["retry-after"]) > 0
+        comes_back_later(refused, "expectation_pending")
         everybody_else_is_answered(api, crowd)
         learning.set()
         assert all(answer.result(60.0).status_code == 201 for answer in fleet)
@@ -173,8 +175,7 @@ def test_questions_that_take_long_are_answered_one_by_one_and_the_same_one_once(
             waiting.append(crowd.submit(api.get, path.format("yard")))
         all_wait(api, crowd, MOST_WAITING)
         refused = crowd.submit(api.get, path.format("yard")).result(SOON_S)
-        assert (refused.status_code, refused.json()["code"]) == (503, "overload")
-        assert int(refused.headers["retry-after"]) > 0
+        comes_back_later(refused, "overload")
         everybody_else_is_answered(api, crowd)
         assert begun == ["yard"]
         go_on.set()
