@@ -103,9 +103,12 @@ class SiteRegistry:
             check(str(site.revision), expected)
             before = site.config
             built = self._built(site, config) if sensing(before) != sensing(config) else None
-            with site.writing:  # somebody may have put a map meanwhile
-                check(str(site.revision), expected)
-                self._store.put_site(name, SiteRecord(config, site.revision + 1))
+            with site.writing:
+                with self._lock:  # somebody may have put a map meanwhile, or deleted the site
+                    if self.get(name) is not site:
+                        raise SiteNotFoundError(name)
+                    check(str(site.revision), expected)
+                    self._store.put_site(name, SiteRecord(config, site.revision + 1))
                 if built is not None:
                     self._replace(site, built)
                 site.config = config

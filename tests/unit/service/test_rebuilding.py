@@ -6,6 +6,7 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
+from homsense_service.errors import SiteNotFoundError
 from homsense_service.records import (
     Checkpoint,
     NumberedScan,
@@ -110,6 +111,20 @@ def test_scans_join_and_readers_see_all_while_a_site_is_built_again(
     sites.add_scans(yard, [scan("after", 0)])
     assert yard.complex.raw.landmarks == everybody | of("after", 2)
     assert yard.complex.number == 10 * (1 + (change != "device")) + len(late) // 2 + 1
+
+
+def test_a_site_that_is_deleted_while_it_is_built_again_stays_deleted(
+    store: Watched, sites: SiteRegistry, yard: Site
+) -> None:
+    def meanwhile(_: NumberedScan) -> None:
+        store.on_scan = lambda _: None
+        sites.delete(yard.name)
+
+    store.on_scan = meanwhile
+    with pytest.raises(SiteNotFoundError):
+        sites.put(yard.name, SiteConfig(quorum=2))
+    assert not sites.all()
+    assert not store.sites()
 
 
 def test_scans_that_wait_when_their_device_is_deleted_do_not_come_back(
