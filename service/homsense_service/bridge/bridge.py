@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
+from weakref import WeakValueDictionary
 
 import zenoh
 
@@ -38,7 +39,7 @@ from homsense_service.streams import Streams
 
 _log = logging.getLogger(__name__)
 
-WORKERS, OPENERS, DOORS = 8, 64, 4096
+WORKERS, OPENERS = 8, 64
 TICK_S = 0.5
 AGAIN_S = 5.0
 
@@ -87,7 +88,7 @@ class Bridge:
         self._clock = time.monotonic
         self._workers = Workers(WORKERS, "device")
         self._openers = Workers(OPENERS, "opening")
-        self._doors = [Lane(self._openers) for _ in range(DOORS)]
+        self._doors: WeakValueDictionary[str, Lane] = WeakValueDictionary()
         self._opening = Opening(house.operations, house.keys, settings)
         self._events = Events(network, keys, self._clock)
         self._devices = Devices(house.operations.bindings(), self._made, self._events.tell)
@@ -191,7 +192,7 @@ class Bridge:
         if request.method == "open":
             self._house.rate_limit.hit(f"device {name}")
             self._check_size(len(request.payload))
-            door = self._doors[hash(name) % DOORS]
+            door = self._door(name)
             let_in = partial(self._let_in, name, request.payload)
             if not door.post(partial(request.settle, let_in)):
                 message = "too many devices wait to be let in"
@@ -203,6 +204,10 @@ class Bridge:
             self._workers.submit(partial(request.settle, partial(self._close, device)))
         else:
             device.ask(request, sound.number)
+
+    def _door(self, name: str) -> Lane:
+        """Return where a device waits to be let in, behind nobody but itself."""
+        return self._doors.setdefault(name, Lane(self._openers))
 
     def _let_in(self, name: str, payload: bytes) -> bytes:
         """Open a session, in a thread of its own: a site may have to learn something first."""
@@ -248,7 +253,7 @@ class Bridge:
                 opened(number)
 
         def again() -> None:
-            self._doors[hash(name) % DOORS].post(attempt)
+            self._door(name).post(attempt)
 
         again()
 
