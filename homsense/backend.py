@@ -8,12 +8,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from homsense import histogram, modes, philox, resetting, stages
+from homsense import histogram, modes, philox, resemblance, resetting, stages
 from homsense.free_space import Walls
 from homsense.grid import Grid, Raster
 from homsense.histogram import Histogram
 from homsense.modes import Moments
 from homsense.particles import Particles
+from homsense.resemblance import Nearby
 from homsense.resetting import CellMasses, CodedCells
 from homsense.stages import Move, Reweighed
 from homsense.weights import WeightSums
@@ -38,6 +39,8 @@ class Backend(NamedTuple):
         As in `homsense.resetting`.
     histogram, hills, label, moments : callable
         As in `homsense.histogram` and `homsense.modes`.
+    told : callable
+        As in `homsense.resemblance`.
     """
 
     name: str
@@ -52,6 +55,7 @@ class Backend(NamedTuple):
     hills: Callable[[IntArray, IntArray], IntArray]
     label: Callable[[Histogram, Weights, IntArray], tuple[IntArray, int]]
     moments: Callable[[Particles, Weights, IntArray, int, FloatArray], Moments]
+    told: Callable[[Nearby, IntArray, Integers, int], FloatArray]
 
 
 NUMPY = Backend(
@@ -67,6 +71,7 @@ NUMPY = Backend(
     modes.hills,
     modes.label,
     modes.moments,
+    resemblance.told,
 )
 
 
@@ -81,9 +86,11 @@ def compiled() -> Backend | None:
     """
     try:
         kernels = import_module("homsense.compiled.filter_kernels")
+        resembling = import_module("homsense.compiled.resemblance")
     except ImportError:
         return None
-    return Backend("numba", *(getattr(kernels, stage) for stage in Backend._fields[1:]))
+    compiled_stages = {stage: getattr(kernels, stage) for stage in Backend._fields[1:-1]}
+    return Backend("numba", **compiled_stages, told=resembling.told)
 
 
 def fastest() -> Backend:
@@ -122,4 +129,6 @@ def warmed() -> Backend:
     found = chosen.histogram(particles, weights, 1.0)
     of_cell = chosen.hills(found.smooth, found.order)
     chosen.moments(particles, weights, *chosen.label(found, weights, of_cell), np.zeros(2))
+    nearby = Nearby(np.arange(2), np.zeros(1, np.intp), np.zeros(1), nothing, np.zeros(1))
+    chosen.told(nearby, np.zeros(1, np.int64), nothing, 1)
     return chosen

@@ -1,12 +1,14 @@
 """How well places explain a measurement: P(z|x) (Algorithm 1, line 12; section VI)."""
 
+import copy
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from homsense.backend import Backend
 from homsense.code_map import CodeMap
 from homsense.errors import InvalidInputError
 from homsense.noise import Noise
@@ -38,6 +40,10 @@ class Likelihood(Protocol):
         """How far off, by an axis, places may be beyond what the likelihood tells, metres."""
         ...
 
+    def run_by(self, backend: Backend) -> "Likelihood":
+        """Return the same likelihood on another backend."""
+        ...
+
     def __call__(self, measurement: Any, /) -> FloatArray:  # noqa: ANN401 - each has its own
         """Return the binary logarithm of the likelihood for each code, at most 0."""
         ...
@@ -60,6 +66,21 @@ class CodeLikelihood:
         self.blur_m = BLUR_M
         self._n_levels = noise.n_levels(code_map.n_fields)
         self._weigh = lru_cache(_REMEMBERED)(noise.weigher(code_map.expected))
+
+    def run_by(self, backend: Backend) -> Self:  # noqa: ARG002 - it has no hot loop
+        """Return the same likelihood on another backend.
+
+        Parameters
+        ----------
+        backend : Backend
+            Of no use here.
+
+        Returns
+        -------
+        CodeLikelihood
+            This one.
+        """
+        return self
 
     def __call__(self, counts: Sequence[float]) -> FloatArray:
         """Weigh a measurement once for each code.
@@ -135,6 +156,23 @@ class JointLikelihood:
         known, cell = np.unique(first.code_map.codes, return_index=True)
         self._code = np.zeros(len(first.code_map.expected), np.intp)
         self._code[known] = second.code_map.codes[cell]
+
+    def run_by(self, backend: Backend) -> Self:
+        """Return the same likelihood on another backend.
+
+        Parameters
+        ----------
+        backend : Backend
+            What runs the hot loops of both sensors.
+
+        Returns
+        -------
+        JointLikelihood
+            Equal to this one.
+        """
+        same = copy.copy(self)
+        vars(same).update(_first=self._first.run_by(backend), _second=self._second.run_by(backend))
+        return same
 
     def __call__(self, measurement: JointMeasurement) -> FloatArray:
         """Weigh what both have measured, once for each code of the first.

@@ -132,9 +132,9 @@ class Localizer:
         self.heights = tuple(heights)
         self.config = config or LocalizerConfig()
         self.free_space = free_space or FreeSpace.of(site_map, self.config.cell_m)
-        self.likelihood = likelihood or self._counting()
-        self.code_map = self.likelihood.code_map
         self.backend = backend or fastest()
+        self.likelihood = (likelihood or self._counting()).run_by(self.backend)
+        self.code_map = self.likelihood.code_map
         self._is_due = self.config.policy or ess_below(self.config.resample_below)
 
     def _counting(self) -> Likelihood:

@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from homsense.backend import Backend
 from homsense.exact import exp
-from homsense.ragged import spread
 from homsense.registered.complex import RegisteredComplex
+from homsense.resemblance import Nearby
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -18,31 +19,19 @@ NOBODY = 2.0
 
 
 class Blocks(NamedTuple):
-    """What scans count for in which blocks; an entry for each scan and each block near it.
+    """What scans count for in which blocks.
 
     Parameters
     ----------
-    start : ndarray, shape (N + 1,), int64
-        Where the entries of each scan begin.
-    block : ndarray, shape (E,), intp
-        The block.
-    kernel : ndarray, shape (E,), float64
-        How much the scan counts there.
-    row : ndarray, shape (E,), int32
-        Where the levels of its distance begin in `gain`.
-    gain : ndarray, shape (rings * levels,), float64
-        What a similarity tells above none, nats.
+    nearby : Nearby
+        The blocks near each scan.
     nothing : ndarray, shape (rings,), float64
         What no similarity tells, nats.
     total, silent : ndarray, shape (B,), float64
         Sums over the entries of each block: of the kernel, and of what no similarity tells.
     """
 
-    start: IntArray
-    block: NDArray[np.intp]
-    kernel: FloatArray
-    row: NDArray[np.int32]
-    gain: FloatArray
+    nearby: Nearby
     nothing: FloatArray
     total: FloatArray
     silent: FloatArray
@@ -72,12 +61,15 @@ class Blocks(NamedTuple):
         apart = np.sqrt(np.square(middles[block] - found.xy[scan]).sum(axis=1))
         kernel, ring = exp(-0.5 * np.square(apart / width)), found.ring(apart)
         nothing = found.nats[:, 0]
-        return cls(
+        nearby = Nearby(
             np.searchsorted(scan, np.arange(found.size + 1)),
             block,
             kernel,
             (ring * found.nats.shape[1]).astype(np.int32),
             (found.nats - nothing[:, None]).ravel(),
+        )
+        return cls(
+            nearby,
             nothing,
             np.asarray(NOBODY + np.bincount(block, kernel, len(middles)), np.float64),
             np.asarray(np.bincount(block, kernel * nothing[ring], len(middles)), np.float64),
@@ -96,19 +88,20 @@ class Blocks(NamedTuple):
         Blocks
             The scans keep their numbers.
         """
-        begin, end = self.start[[first, last]]
-        block, kernel = self.block[begin:end], self.kernel[begin:end]
-        levels = len(self.gain) // len(self.nothing)
-        ring = self.row[begin:end] // levels
-        left = self.kernel.copy()
+        near = self.nearby
+        begin, end = near.start[[first, last]]
+        block, kernel = near.block[begin:end], near.kernel[begin:end]
+        levels = len(near.gain) // len(self.nothing)
+        ring = near.row[begin:end] // levels
+        left = near.kernel.copy()
         left[begin:end] = 0.0
         return self._replace(
-            kernel=left,
+            nearby=near._replace(kernel=left),
             total=self.total - np.bincount(block, kernel, len(self.total)),
             silent=self.silent - np.bincount(block, kernel * self.nothing[ring], len(self.silent)),
         )
 
-    def nats(self, scan: IntArray, level: NDArray[np.int32]) -> FloatArray:
+    def nats(self, scan: IntArray, level: NDArray[np.int32], backend: Backend) -> FloatArray:
         """Return how well each block explains that some scans are alike.
 
         Parameters
@@ -117,17 +110,13 @@ class Blocks(NamedTuple):
             Which scans.
         level : ndarray, shape (S,), int32
             How alike each is, as in `Sighting`.
+        backend : Backend
+            What adds up.
 
         Returns
         -------
         ndarray, shape (B,), float64
             Mean log-likelihood over the scans near the block.
         """
-        size = self.start[scan + 1] - self.start[scan]
-        _, entry = spread(self.start[scan], size)
-        at = self.row.take(entry)
-        at += np.repeat(level, size)
-        gain = self.gain.take(at)
-        gain *= self.kernel.take(entry)
-        heard = np.bincount(self.block.take(entry), gain, len(self.silent))
-        return np.asarray((self.silent + heard) / self.total)
+        told = backend.told(self.nearby, scan, level, len(self.silent))
+        return np.asarray((self.silent + told) / self.total)

@@ -13,6 +13,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from homsense.backend import Backend, fastest
 from homsense.code_map import NOWHERE, CodeMap
 from homsense.errors import InvalidInputError
 from homsense.exact import exp, log2
@@ -52,15 +53,37 @@ class PlaceLikelihood:
         The crowd.
     free_space : FreeSpace
         Where devices are looked for, in blocks of a sixth of the reach.
+    backend : Backend, optional
+        What adds up; the fastest by default. Results do not depend on it.
     """
 
-    def __init__(self, complex_: RegisteredComplex, free_space: FreeSpace) -> None:
+    def __init__(
+        self, complex_: RegisteredComplex, free_space: FreeSpace, backend: Backend | None = None
+    ) -> None:
         self.complex = complex_
+        self.backend = backend or fastest()
         self.code_map = CodeMap.blocks(free_space, BLOCK_SHARE * complex_.reach_m)
         self.correlation_m = CORRELATION_SHARE * complex_.reach_m
         self.blur_m = BLUR_M
         middles = self.code_map.expected[1:]
         self._placed = tuple(Blocks.of(placed, middles) for placed in complex_.placed)
+
+    def run_by(self, backend: Backend) -> Self:
+        """Return the same likelihood on another backend.
+
+        Parameters
+        ----------
+        backend : Backend
+            What adds up.
+
+        Returns
+        -------
+        PlaceLikelihood
+            Equal to this one.
+        """
+        same = copy.copy(self)
+        same.backend = backend
+        return same
 
     def covers(self, xy: FloatArray) -> BoolArray:
         """Tell where the crowd has been, to the cell of the map.
@@ -154,10 +177,10 @@ class PlaceLikelihood:
             If the sighting is of another complex.
         """
         scan, level = np.array(sighting.scan, np.int64), np.array(sighting.level, np.int32)
-        if len(scan) and not 0 <= scan.min() <= scan.max() < self.complex.size:
+        if not (_below(scan, self.complex.size) and _below(level, self.complex.nats.shape[1])):
             message = "the sighting is of another complex"
             raise InvalidInputError(message, "sighting")
-        nats = self._averaged([blocks.nats(scan, level) for blocks in self._placed])
+        nats = self._averaged([blocks.nats(scan, level, self.backend) for blocks in self._placed])
         bits = (INDEPENDENT / LN_2) * (nats - nats.max())
         return np.concatenate([[_NOTHING_BITS], bits])
 
@@ -172,6 +195,10 @@ class PlaceLikelihood:
             for probability, each in zip(probabilities, nats, strict=True)
         )
         return np.asarray(best + log2(mean) * (LN_2 / INDEPENDENT))
+
+
+def _below(numbers: NDArray[np.int32] | NDArray[np.int64], size: int) -> bool:
+    return not len(numbers) or 0 <= numbers.min() <= numbers.max() < size
 
 
 class HolesAtPlace:
@@ -195,6 +222,23 @@ class HolesAtPlace:
         self._place = place
         middles = self.code_map.expected[1:]
         self._counts = np.array([np.nan_to_num(height.at(middles)) for height in heights])
+
+    def run_by(self, backend: Backend) -> Self:
+        """Return the same likelihood on another backend.
+
+        Parameters
+        ----------
+        backend : Backend
+            What adds up.
+
+        Returns
+        -------
+        HolesAtPlace
+            Equal to this one.
+        """
+        same = copy.copy(self)
+        vars(same)["_place"] = self._place.run_by(backend)
+        return same
 
     def __call__(self, sighting: Sighting) -> FloatArray:
         """Weigh a scan once for each block.

@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -32,7 +33,7 @@ from homsense import (
     register_crowd,
 )
 from homsense.backend import NUMPY, compiled
-from homsense.likelihood import CodeLikelihood
+from homsense.likelihood import CodeLikelihood, Likelihood
 from homsense.registered.crowd import Crowd, likeness
 from homsense.registered.layout import Layout, Pull, lay_out, parts, settle
 from homsense.registered.placing import STAGES
@@ -261,8 +262,9 @@ def test_what_resembles_nothing_was_made_where_nobody_has_been() -> None:
     assert np.array_equal(weigh.covers(centers + 0.4), found.covers(centers))
     assert not weigh.covers(np.array([[1e5, 0.0]])).any()
     assert np.median(bits[1:][~covered]) > np.median(bits[1:][covered])
-    with pytest.raises(InvalidInputError, match="another complex"):
-        weigh(Sighting((found.size,), (1,)))
+    for strange in (Sighting((found.size,), (1,)), Sighting((0,), (found.nats.shape[1],))):
+        with pytest.raises(InvalidInputError, match="another complex"):
+            weigh(strange)
 
 
 def test_a_device_is_localized_by_the_crowd_with_the_same_bits_on_every_backend() -> None:
@@ -341,6 +343,23 @@ def test_two_sensors_are_weighed_each_at_its_own_pace() -> None:
     alone = joint(JointMeasurement(second=(1.0,)))
     assert np.allclose(both, 0.5 * (place(sighting) + alone))
     assert alone.min() >= place.correlation_m / 100.0 * counts((1.0,)).min()
+
+
+def test_every_sensor_of_a_crowd_runs_on_every_backend() -> None:
+    building, found = registered()
+    place, heights = likelihood(building, found), [HeightMap.geometric(building.site_map, 30.0)]
+    counts = CodeLikelihood(CodeMap.of(building.free_space, heights), CountNoise())
+    sighting = Sighting((0, 3), (5, 2))
+    sensors: list[tuple[Likelihood, object]] = [
+        (place, sighting),
+        (HolesAtPlace(place, heights), sighting),
+        (JointLikelihood(place, counts), JointMeasurement(sighting, (1.0,))),
+    ]
+    for sensor, measured in sensors:
+        asked = Mock(side_effect=NUMPY.told)
+        weighed = sensor.run_by(NUMPY._replace(told=asked))(measured)
+        asked.assert_called_once()
+        assert np.array_equal(weighed, sensor.run_by(compiled() or NUMPY)(measured))
 
 
 def test_blocks_cover_free_space_and_are_few_enough() -> None:
