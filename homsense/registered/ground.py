@@ -62,6 +62,18 @@ class Ground:
         coarse = replace(grid, cell_m=grid.cell_m * step, columns=columns, rows=rows)
         return cls(coarse, share >= HALF)
 
+    def mirrored(self) -> "Ground":
+        """Return the mirror image, east for west.
+
+        Returns
+        -------
+        Ground
+            A crowd lies on it as its own mirror image lies on this one.
+        """
+        grid = self.grid
+        east_m = grid.west_m + grid.columns * grid.cell_m
+        return Ground(replace(grid, west_m=-east_m), np.ascontiguousarray(self.free[:, ::-1]))
+
     @cached_property
     def cells(self) -> FloatArray:
         """Middles of the free cells, shape (M, 2), metres."""

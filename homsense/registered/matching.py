@@ -155,13 +155,42 @@ def probabilities(costs_m: Sequence[float]) -> FloatArray:
     return np.asarray(weights / weights.sum())
 
 
-class _Image(NamedTuple):
-    """A part as it is correlated with the ground."""
+class Image(NamedTuple):
+    """A part as it is correlated with ground.
+
+    Parameters
+    ----------
+    corner : ndarray, shape (2,), float64
+        Column and row of its first cell, in cells from the origin of the part.
+    shape : tuple of int
+        Rows and columns.
+    scans, near_scans : ndarray, complex64
+        Spectra, conjugate.
+    """
 
     corner: FloatArray
     shape: tuple[int, int]
     scans: Spectrum
     near_scans: Spectrum
+
+
+class Turned(NamedTuple):
+    """The parts of a crowd, turned and scaled.
+
+    Parameters
+    ----------
+    rotation_rad, scale : float
+        Of all of them.
+    places : list of ndarray, shape (N, 2), float64
+        Each around its origin, metres.
+    images : list of Image
+        The same as they are correlated.
+    """
+
+    rotation_rad: float
+    scale: float
+    places: list[FloatArray]
+    images: list[Image]
 
 
 class Facing(NamedTuple):
@@ -209,15 +238,30 @@ class Matcher:
         )
         self._whole = self._facing(ground.free)
 
-    def best(
-        self, rotation_rad: float, scale: float, beside: Sequence[Facing] | None = None
-    ) -> Fit:
-        """Return the best shifts.
+    def turned(self, rotation_rad: float, scale: float) -> Turned:
+        """Return the parts, turned and scaled.
 
         Parameters
         ----------
         rotation_rad, scale : float
             Of all parts.
+
+        Returns
+        -------
+        Turned
+            For `best`, also of a matcher whose ground has the same shape.
+        """
+        at = np.zeros((len(self._parts), 2))
+        places = Fit(rotation_rad, scale, at, 0.0).place(self._parts)
+        return Turned(rotation_rad, scale, places, [self._image(xy) for xy in places])
+
+    def best(self, turned: Turned, beside: Sequence[Facing] | None = None) -> Fit:
+        """Return the best shifts.
+
+        Parameters
+        ----------
+        turned : Turned
+            The parts.
         beside : sequence of Facing, optional
             The ground for each part; for each what the others leave by default.
 
@@ -226,9 +270,8 @@ class Matcher:
         Fit
             Of the only part the best one, of several a good one.
         """
-        at = np.zeros((len(self._parts), 2))
-        places = Fit(rotation_rad, scale, at, 0.0).place(self._parts)
-        images = [self._image(xy) for xy in places]
+        rotation_rad, scale, places, images = turned
+        at = np.zeros((len(places), 2))
         unlikely = unlikely_m(rotation_rad, scale, self._rotation_sd_rad)
         if len(places) == 1:
             at[0], gained = self._shift(images[0], self._whole)
@@ -272,21 +315,21 @@ class Matcher:
             self._spectrum(wide / self._ground.free.sum()),
         )
 
-    def _image(self, places: FloatArray) -> _Image:
+    def _image(self, places: FloatArray) -> Image:
         turned = places / self._grid.cell_m
         corner = np.floor(turned.min(axis=0)) - _BORDER // 2
         column, row = np.floor(turned - corner).astype(np.int64).T
         scans = np.zeros((row.max() + _BORDER // 2 + 1, column.max() + _BORDER // 2 + 1))
         np.add.at(scans, (row, column), 1.0 / self._scans)
         near_scans = nearness_m(scans > 0.0, self._grid.cell_m, UNCOVERED_M)
-        return _Image(
+        return Image(
             corner,
             scans.shape,
             np.conj(self._spectrum(scans)),
             np.conj(self._spectrum(near_scans)),
         )
 
-    def _shift(self, image: _Image, facing: Facing) -> tuple[FloatArray, float]:
+    def _shift(self, image: Image, facing: Facing) -> tuple[FloatArray, float]:
         """Return the best shift of a part, and what it gains."""
         gained = fft.irfft2(
             image.scans * facing.near_ground + image.near_scans * facing.ground, self._size
@@ -301,4 +344,7 @@ class Matcher:
         return at, float(gained[best])
 
     def _spectrum(self, image: FloatArray) -> Spectrum:
-        return np.asarray(fft.rfft2(image.astype(np.float32), self._size))
+        """Return what `scipy.fft.rfft2` does, without transforming the rows that it would add."""
+        rows, columns = self._size
+        of_rows = fft.rfft(image.astype(np.float32), columns, axis=1)
+        return np.asarray(fft.fft(of_rows, rows, axis=0, overwrite_x=True))

@@ -31,7 +31,6 @@ MOST_LAID_OUT = 10_000
 """Scans at once; `homsense.extend` lets the others join."""
 
 STAGES = ("heard", "compared", "laid out", "registered", "settled")
-_MIRROR = np.array([-1.0, 1.0])
 
 
 @dataclass(frozen=True)
@@ -130,8 +129,7 @@ class LaidOutCrowd:
             raise InvalidInputError(TOO_LARGE, "scans")
         kept = (self._part >= 0) & self._within(free_space)
         shape, part = self.layout.xy[kept], np.unique(self._part[kept], return_inverse=True)[1]
-        tried = register(shape, part, free_space, rotation_sd_rad)
-        ((mirrored, _),) = register(shape * _MIRROR, part, free_space, thorough=False)
+        tried, mirrored_m = register(shape, part, free_space, rotation_sd_rad)
         best_m = min(placement.cost_m for placement, _ in tried)
         on_stage("registered")
         ground = Ground.of(free_space)
@@ -145,7 +143,7 @@ class LaidOutCrowd:
         settled.sort(key=lambda pair: pair[0].cost_m)
         distinct = apart((xy for _, xy in settled), DISTINCT_M, len(settled))
         registration = Registration(
-            tuple(settled[number][0] for number in distinct), mirrored.cost_m - best_m
+            tuple(settled[number][0] for number in distinct), mirrored_m - best_m
         )
         on_stage("settled")
         return RegisteredComplex(

@@ -85,15 +85,28 @@ class PlacedParts(NamedTuple):
     offset: FloatArray
 
 
+class Search(NamedTuple):
+    """What a search of placements has found.
+
+    Parameters
+    ----------
+    placed : list of PlacedParts
+        The most promising ones.
+    mirrored_m : float
+        Cost of the best placement of the mirror image, metres.
+    """
+
+    placed: list[PlacedParts]
+    mirrored_m: float
+
+
 def register(
     xy: FloatArray,
     part: IntArray,
     free_space: FreeSpace,
     rotation_sd_rad: float | None = None,
-    *,
-    thorough: bool = True,
-) -> list[PlacedParts]:
-    """Search the placements of a layout.
+) -> Search:
+    """Search the placements of a layout, and of its mirror image.
 
     Parameters
     ----------
@@ -106,12 +119,10 @@ def register(
         Of the map.
     rotation_sd_rad : float, optional
         How far the headings of the crowd are from those of the map, radians; unknown when absent.
-    thorough : bool, default True
-        Whether to look closely at more than the most promising one.
 
     Returns
     -------
-    list of PlacedParts
+    Search
         Full turn unless most of it is unlikely, free scale, all shifts.
     """
     parts = [xy[part == number] for number in range(int(part.max()) + 1)]
@@ -122,23 +133,29 @@ def register(
     steps = round(math.pi / ROTATION_STEP)
     if rotation_sd_rad is not None:
         steps = min(steps, math.ceil(LIKELY_ROTATIONS * rotation_sd_rad / ROTATION_STEP))
-    tried = [
-        matcher.best(turn * ROTATION_STEP, scale)
-        for scale in SCALES
-        for matcher in [Matcher(coarse, shapes, rotation_sd_rad, scale)]
-        for turn in range(-steps, steps + 1)
-    ]
-    ordered = sorted(tried, key=lambda fit: fit.cost_m)
-    chosen = {0}
-    if thorough:
-        places = [np.concatenate(fit.place(shapes)) for fit in ordered]
-        chosen = {*apart(places, SIMILAR_M, SIMILAR), *apart(places, DISTINCT_M, DISTINCT)}
-    fine, found = Ground.of(free_space), []
-    for number in sorted(chosen):
-        start = ordered[number]
-        matcher = Matcher(fine, shapes, rotation_sd_rad, start.scale * _STRETCHED)
-        found.append(_moved(_finer(matcher, start), middles))
-    return found
+    tried: list[Fit] = []
+    mirrored: list[Fit] = []
+    for scale in SCALES:
+        matcher, mirror = (
+            Matcher(ground, shapes, rotation_sd_rad, scale)
+            for ground in (coarse, coarse.mirrored())
+        )
+        for turn in range(-steps, steps + 1):
+            turned = matcher.turned(turn * ROTATION_STEP, scale)
+            tried.append(matcher.best(turned))
+            mirrored.append(mirror.best(turned))
+    ordered = sorted(tried, key=_cost_m)
+    places = [np.concatenate(fit.place(shapes)) for fit in ordered]
+    chosen = {*apart(places, SIMILAR_M, SIMILAR), *apart(places, DISTINCT_M, DISTINCT)}
+    fine = Ground.of(free_space)
+
+    def finer(start: Fit, ground: Ground) -> Fit:
+        return _finer(Matcher(ground, shapes, rotation_sd_rad, start.scale * _STRETCHED), start)
+
+    return Search(
+        [_moved(finer(ordered[number], fine), middles) for number in sorted(chosen)],
+        finer(min(mirrored, key=_cost_m), fine.mirrored()).cost_m,
+    )
 
 
 def apart(layouts: Iterable[FloatArray], least_m: float, keep: int) -> list[int]:
@@ -172,12 +189,16 @@ def _finer(matcher: Matcher, start: Fit) -> Fit:
     for turn, stretch in _FINER:
         beside = matcher.beside(best)
         around = [
-            matcher.best(best.rotation_rad + i * turn, best.scale * (1.0 + j * stretch), beside)
+            matcher.best(matcher.turned(best.rotation_rad + i * turn, best.scale * by), beside)
             for i in (-1, 0, 1)
-            for j in (-1, 0, 1)
+            for by in (1.0 - stretch, 1.0, 1.0 + stretch)
         ]
-        best = min(around, key=lambda found: found.cost_m)
+        best = min(around, key=_cost_m)
     return best
+
+
+def _cost_m(fit: Fit) -> float:
+    return fit.cost_m
 
 
 def _moved(fit: Fit, middles: FloatArray) -> PlacedParts:

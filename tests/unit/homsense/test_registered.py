@@ -37,7 +37,7 @@ from homsense.likelihood import CodeLikelihood, Likelihood
 from homsense.registered.crowd import Crowd, likeness
 from homsense.registered.layout import Layout, Pull, lay_out, parts, settle
 from homsense.registered.placing import STAGES
-from homsense.registered.registration import register
+from homsense.registered.registration import MIRRORED_M, register
 
 BLOCK_M, MIDDLE_M = 3.0, 75.0
 
@@ -163,10 +163,21 @@ def test_a_placement_is_found_from_every_direction() -> None:
         cos, sin = math.cos(turn), math.sin(turn)
         turned = truth @ np.array([[cos, sin], [-sin, cos]]) / 1.2 + (300.0, -40.0)
         one = np.zeros(len(truth), np.int64)
-        tried = register(turned, one, building.free_space)
+        tried, _ = register(turned, one, building.free_space)
         best, offset = min(tried, key=lambda found: found.placement.cost_m)
         assert offset == pytest.approx(0.0)
         assert np.median(np.linalg.norm(best.place(turned) - truth, axis=1)) < 3.0
+
+
+def test_the_mirror_image_is_searched_as_well_as_the_crowd_itself() -> None:
+    building = Building.of(0)
+    truth = np.array([place for _, place in building.crowd_with_truth(10, 40)]) - MIDDLE_M
+    one = np.zeros(len(truth), np.int64)
+    found = register(truth, one, building.free_space, 0.1)
+    mirrored = register(truth * (-1.0, 1.0), one, building.free_space, 0.1)
+    costs = [min(placed.placement.cost_m for placed in each.placed) for each in (found, mirrored)]
+    assert costs[0] < costs[1] - MIRRORED_M
+    assert costs == pytest.approx([mirrored.mirrored_m, found.mirrored_m], abs=0.05)
 
 
 def test_parts_that_never_hear_each_other_are_placed_together() -> None:
