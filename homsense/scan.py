@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 from homsense.errors import InvalidScanError
 
@@ -43,8 +43,27 @@ class Reading:
             raise InvalidScanError(message, "age_s")
 
 
+class Heard(Protocol):
+    """What has the fields of a `Reading`."""
+
+    @property
+    def landmark(self) -> str:
+        """Identifier that the landmark broadcasts."""
+        ...
+
+    @property
+    def rssi_dbm(self) -> float | None:
+        """Received strength, dBm, if the device tells it."""
+        ...
+
+    @property
+    def age_s(self) -> float:
+        """Seconds between the sighting and the scan that reports it."""
+        ...
+
+
 def visible_landmarks(
-    readings: Iterable[Reading],
+    readings: Iterable[Heard],
     *,
     min_rssi_dbm: float | None = None,
     max_age_s: float | None = None,
@@ -55,7 +74,7 @@ def visible_landmarks(
 
     Parameters
     ----------
-    readings : iterable of Reading
+    readings : iterable of Heard
         The scan; a landmark may occur more than once.
     min_rssi_dbm : float, optional
         Weakest strength that counts as visible, dBm; ``None`` keeps all.

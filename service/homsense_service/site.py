@@ -11,6 +11,7 @@ from typing import Any, Literal
 import homsense
 from homsense.engine import Engine, fastest
 from homsense.likelihood import CodeLikelihood
+from homsense.scan import Heard
 from homsense_service.background import Builder
 from homsense_service.checkpoints import Digested, sensing
 from homsense_service.errors import MapMissingError
@@ -120,14 +121,13 @@ class Site:
 
     def visible(self, stored: Iterable[StoredReading]) -> frozenset[str]:
         """Return the landmarks that count as visible under the site's configuration."""
-        return self.in_view(self.readings(stored))
+        key = self.config.landmark_key
+        return frozenset(canonical(name, key) for name in self.in_view(stored))
 
-    def in_view(self, readings: Iterable[homsense.Reading]) -> frozenset[str]:
+    def in_view(self, readings: Iterable[Heard]) -> frozenset[str]:
         """Return the same of readings whose identifiers compare as the site's do."""
         return homsense.visible_landmarks(
-            readings,
-            min_rssi_dbm=self.config.min_rssi_dbm,
-            max_age_s=self.config.max_age_s,
+            readings, min_rssi_dbm=self.config.min_rssi_dbm, max_age_s=self.config.max_age_s
         )
 
     def absorb(self, scans: Sequence[StoredScan], now_s: float) -> ComplexVersion:
