@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homsense.adaptive import KldSampling
+from homsense.backend import Backend
 from homsense.configuration import LocalizerConfig
 from homsense.free_space import FreeSpace
 from homsense.localizer import Localizer
@@ -57,6 +58,7 @@ def smooth(
     site_map: SiteMap,
     free_space: FreeSpace,
     seed: int = 0,
+    backend: Backend | None = None,
 ) -> RegisteredComplex:
     """Move the scans of each walk to where motion, walls and the other walks want them.
 
@@ -72,24 +74,28 @@ def smooth(
         Where devices are looked for.
     seed : int, default 0
         Of the particles.
+    backend : Backend, optional
+        What runs the filter; the fastest by default. Results do not depend on it.
 
     Returns
     -------
     RegisteredComplex
         The same scans at the means of the tracks drawn, under each placement.
     """
-    xy, *rivals = (_smoothed(one, scans, site_map, free_space, seed) for one in found.placed)
+    xy, *rivals = (
+        _smoothed(one, scans, PlaceLikelihood(one.thinned(), free_space, backend), site_map, seed)
+        for one in found.placed
+    )
     return replace(found, xy=xy, rivals=tuple(rivals))
 
 
 def _smoothed(
     found: RegisteredComplex,
     scans: Sequence[WalkScan],
+    place: PlaceLikelihood,
     site_map: SiteMap,
-    free_space: FreeSpace,
     seed: int,
 ) -> FloatArray:
-    place = PlaceLikelihood(found.thinned(), free_space)
     xy = found.xy.copy()
     rng = np.random.Generator(np.random.Philox(seed))
     for walk in np.unique(found.walk).tolist():
@@ -115,6 +121,7 @@ def extend(
     site_map: SiteMap,
     free_space: FreeSpace,
     seed: int = 0,
+    backend: Backend | None = None,
 ) -> RegisteredComplex:
     """Let walks that a registered crowd does not have join it, each on its own.
 
@@ -131,6 +138,8 @@ def extend(
         Where devices are looked for.
     seed : int, default 0
         Of the particles.
+    backend : Backend, optional
+        What runs the filter; the fastest by default. Results do not depend on it.
 
     Returns
     -------
@@ -139,7 +148,7 @@ def extend(
         under the best placement alone.
     """
     best, *_ = found.placed
-    place = PlaceLikelihood(best.thinned(), free_space)
+    place = PlaceLikelihood(best.thinned(), free_space, backend)
     others = np.setdiff1d(np.arange(len(scans)), found.source)
     rng = np.random.Generator(np.random.Philox(seed))
     crowd = Crowd.of([scans[number] for number in others.tolist()], found.hearing)
@@ -174,7 +183,14 @@ def _localizer(
         adaptive=adaptive,
         weigh_every_m=0.0,
     )
-    return Localizer(site_map, [], config, free_space=place.code_map.free_space, likelihood=place)
+    return Localizer(
+        site_map,
+        [],
+        config,
+        free_space=place.code_map.free_space,
+        likelihood=place,
+        backend=place.backend,
+    )
 
 
 def _tracks(

@@ -98,7 +98,9 @@ def create_app(
             if store.caution:
                 _log.warning(store.caution)
             app.state.warming = warming = Warming(chosen.engine)
-            with closing(SiteRegistry(store, chosen, warming.engine, time.time)) as registry:
+            with closing(
+                SiteRegistry(store, chosen, warming.engine, time.time, warming.backend)
+            ) as registry:
                 operations = Operations(registry, store, chosen, time.time, warming.backend)
                 app.state.operations = operations
                 app.state.keys = KeyRing(store.api_keys())

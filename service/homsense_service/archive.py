@@ -15,6 +15,7 @@ from weakref import WeakValueDictionary, ref
 import numpy as np
 
 import homsense
+from homsense.backend import NUMPY
 from homsense.grid import Grid
 from homsense.registered.matching import Placement
 from homsense.registered.registration import Registration
@@ -190,7 +191,7 @@ def _registered(body: bytes, version: MapVersion, reachable: homsense.FreeSpace)
         arrays["source"],
         tuple(arrays["rivals"]),
     )
-    likelihood = homsense.PlaceLikelihood(crowd, reachable)
+    likelihood = homsense.PlaceLikelihood(crowd, reachable, NUMPY)
     nobody = np.empty((0, 2))
     return Registered(
         version,

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Generic, Literal, NamedTuple, Protocol, TypeVar
 
 import homsense
+from homsense.backend import Backend, fastest
 from homsense.engine import Engine
 from homsense_service.errors import ServiceError
 from homsense_service.garbage import let_go
@@ -41,12 +42,19 @@ class Builder:
     ----------
     engine : callable
         Returns what runs the hot loops.
+    backend : callable, optional
+        Returns what runs the filter.
     most_waiting : int, default 128
         How many may wait for a result at once.
     """
 
-    def __init__(self, engine: Callable[[], Engine], most_waiting: int = 128) -> None:
-        self.engine = engine
+    def __init__(
+        self,
+        engine: Callable[[], Engine],
+        backend: Callable[[], Backend] = fastest,
+        most_waiting: int = 128,
+    ) -> None:
+        self.engine, self.backend = engine, backend
         self.seats = threading.BoundedSemaphore(most_waiting)
         self.pool = ThreadPoolExecutor(1, thread_name_prefix="learning")
         self.stopping = threading.Event()

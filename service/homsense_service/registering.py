@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import homsense
+from homsense.backend import Backend
 from homsense.radio import MOST_SCANS
 from homsense.registered.placing import MOST_LAID_OUT, STAGES
 from homsense_service.background import GROWN, Background, Builder, Words
@@ -119,16 +120,18 @@ class Registering(Background[CrowdQuestion, Registered]):
 
     def __init__(self, builder: Builder) -> None:
         super().__init__(builder, _WORDS, EXTENDED)
+        self._backend = builder.backend
 
     def _build(self, question: CrowdQuestion, on_step: Callable[[int], None]) -> Registered:
         scans = list(question.walks())
         known = self.current
         if known is None or not _can_grow(known, question, scans):
-            return _register(question, scans, on_step)
+            return _register(question, scans, on_step, self._backend)
         site_map = question.map_version.site_map
-        found = homsense.extend(known.complex, scans, site_map, question.reachable)
+        reachable, backend = question.reachable, self._backend()
+        found = homsense.extend(known.complex, scans, site_map, reachable, backend=backend)
         on_step(_WORDS.steps)
-        return _registered(question, scans, found, known.laid_out)
+        return _registered(question, scans, found, known.laid_out, backend)
 
 
 def walk_scan(scan: StoredScan, readings: Iterable[homsense.Reading]) -> homsense.WalkScan | None:
@@ -205,8 +208,9 @@ def _register(
     question: CrowdQuestion,
     scans: Sequence[homsense.WalkScan],
     on_step: Callable[[int], None],
+    backend: Callable[[], Backend],
 ) -> Registered:
-    version = question.map_version
+    version, reachable = question.map_version, question.reachable
 
     def registered(number: int, hearing: homsense.Hearing) -> homsense.RegisteredComplex:
         begin = number * len(STAGES) + 1
@@ -219,12 +223,12 @@ def _register(
         )
 
     best = min(of_each_hearing(registered), key=lambda one: one.registration.cost_m)
-    found = homsense.smooth(best, scans, version.site_map, question.reachable)
+    found = homsense.smooth(best, scans, version.site_map, reachable, backend=backend())
     on_step(_WORDS.steps - 1)
     if len(scans) > MOST_LAID_OUT:
-        found = homsense.extend(found, scans, version.site_map, question.reachable)
+        found = homsense.extend(found, scans, version.site_map, reachable, backend=backend())
     on_step(_WORDS.steps)
-    return _registered(question, scans, found, len(scans))
+    return _registered(question, scans, found, len(scans), backend())
 
 
 def _registered(
@@ -232,11 +236,12 @@ def _registered(
     scans: Sequence[homsense.WalkScan],
     found: homsense.RegisteredComplex,
     laid_out: int,
+    backend: Backend,
 ) -> Registered:
     version = question.map_version
     walked = homsense.retrace(found, scans)
     some = walked.stretches(MOST_SCANS)
-    likelihood = homsense.PlaceLikelihood(found.thinned(), question.reachable)
+    likelihood = homsense.PlaceLikelihood(found.thinned(), question.reachable, backend)
     free = version.free_space
     ground = free.grid.centers()[free.free[:-1]]
     return Registered(

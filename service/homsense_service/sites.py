@@ -7,6 +7,7 @@ from itertools import islice
 from typing import Any
 
 import homsense
+from homsense.backend import Backend, fastest
 from homsense.engine import Engine
 from homsense.registered.registration import COMPASS_RAD
 from homsense_service.background import Builder
@@ -53,6 +54,8 @@ class SiteRegistry:
         Returns what runs the hot loops.
     clock : callable
         Returns Unix seconds.
+    backend : callable, optional
+        Returns what runs the filter.
     """
 
     def __init__(
@@ -61,12 +64,13 @@ class SiteRegistry:
         settings: Settings,
         engine: Callable[[], Engine],
         clock: Callable[[], float],
+        backend: Callable[[], Backend] = fastest,
     ) -> None:
         self._store = store
         self._clock = clock
         self._settings = settings
         self._engine = engine
-        self._builder = Builder(engine, max(1, settings.max_pending_requests // 2))
+        self._builder = Builder(engine, backend, max(1, settings.max_pending_requests // 2))
         self.watch: Watch = unwatched
         self._lock = threading.Lock()
         self._checkpointed: dict[str, int] = {}

@@ -7,6 +7,8 @@ from fastapi.testclient import TestClient
 from homsense_service.app import create_app
 from homsense_service.settings import Settings
 from support.builders import SITE_MAP
+from support.corridors import Building, heard, posted
+from support.networks import until
 
 from homsense import backend, engine
 
@@ -41,3 +43,36 @@ def test_a_service_of_the_reference_never_asks_for_numba(
             assert api.post(f"{path}/steps", json={"steps": [step]}).status_code == 200
             assert api.post(f"{path}/map").status_code == 200
             assert api.get(f"{path}/pose").json()["modes"]
+
+
+def test_neither_does_one_whose_sessions_know_their_places_from_a_crowd(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(backend, "compiled", refused)
+    monkeypatch.setattr(engine, "compiled", refused)
+    building = Building.of(0)
+    crowd = list(building.crowd(10, 12))
+    settings = Settings(data=tmp_path, engine="python", cell_m=1.0)
+    steps = [
+        {"seq": seq, "delta": {"forward_m": 2.0}, "landmarks": heard(scan.readings)}
+        for seq, scan in enumerate(crowd[:3], 1)
+    ]
+    path = ""
+    for step in steps:
+        with TestClient(create_app(settings)) as api:
+            if not path:
+                api.put("/v1/sites/floor", json={})
+                api.put("/v1/sites/floor/map", json=building.document())
+                api.post("/v1/sites/floor/scans", json={"scans": [posted(one) for one in crowd]})
+                api.post("/v1/sites/floor/registration")
+                until(lambda: state(api) == "ready", 60.0, every_s=0.1)
+                asked = {"particles": 100, "sensor": {"type": "registered"}}
+                opened = api.post("/v1/sites/floor/sessions", json=asked).json()
+                path = f"/v1/sessions/{opened['session']}"
+            assert api.post(f"{path}/steps", json={"steps": [step]}).status_code == 200
+
+
+def state(api: TestClient) -> str:
+    found = api.get("/v1/sites/floor/registration").json()
+    assert found["state"] != "failed", found
+    return str(found["state"])
