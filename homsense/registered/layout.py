@@ -6,7 +6,8 @@ together; edges that do not fit lose their weight round by round. Scans of diffe
 close and hear nothing alike are driven apart: without that a layout comes out far too small.
 """
 
-from collections.abc import Callable
+import itertools
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -29,7 +30,6 @@ REST_SHARE = 0.66
 AROUND, UNLIKE_EACH = 60, 4
 EDGES_DEPEND = 2.0
 TOGETHER_ROUNDS, LAY_OUT_ROUNDS = 5, 14
-SETTLE_ROUNDS = 8
 PART_SHARE = 0.2
 _FIRST_TOLERANCE, _TIGHTER, _LAST_TOLERANCE = 12.0, 0.6, 2.5
 _HARDLY = 1e-4
@@ -144,8 +144,8 @@ def lay_out(crowd: Crowd, like: Likeness) -> Layout:
 
 def settle(
     crowd: Crowd, like: Likeness, start: Layout, pull: Callable[[FloatArray], Pull]
-) -> Layout:
-    """Lay a crowd out again where it has been placed.
+) -> Iterator[Layout]:
+    """Lay a crowd out again where it has been placed, round by round.
 
     Parameters
     ----------
@@ -158,16 +158,16 @@ def settle(
     pull : callable
         Says for places where the ground wants them.
 
-    Returns
-    -------
+    Yields
+    ------
     Layout
-        In the frame of the map.
+        In the frame of the map, after each round; it changes little after some dozen.
     """
     state = Layout(start.xy, start.heading, np.zeros(crowd.n_walks))
-    for number in range(SETTLE_ROUNDS):
+    for number in itertools.count():
         edges = _spaced(state, crowd, like, number)
         state = _improved(crowd, state, edges, start.heading, pull(state.xy))
-    return state
+        yield state
 
 
 def parts(crowd: Crowd, like: Likeness) -> IntArray:

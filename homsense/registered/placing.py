@@ -1,7 +1,8 @@
 """From the scans of a crowd to a complex on the map: laid out, placed, settled."""
 
+import itertools
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Self
@@ -16,7 +17,15 @@ from homsense.registered.crowd import NEIGHBORS, Crowd, Likeness, WalkScan, like
 from homsense.registered.ground import Ground
 from homsense.registered.layout import Layout, Pull, lay_out, parts, settle
 from homsense.registered.matching import Placement, unlikely_m
-from homsense.registered.registration import DISTINCT_M, SCALES, Registration, apart, register
+from homsense.registered.registration import (
+    DISTINCT_M,
+    DOUBTFUL_M,
+    SCALES,
+    PlacedParts,
+    Registration,
+    apart,
+    register,
+)
 from homsense.registered.similarity import Hearing
 
 FloatArray = NDArray[np.float64]
@@ -24,7 +33,8 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 GROUND_SD_M = 3.0
-PLAUSIBLE_M = 1.0
+PLAUSIBLE_M, ALIKE_M = 1.0, 3.0
+ALL_ROUNDS, LIKELY_ROUNDS = 8, 16
 FITTING_SHARE = 0.5
 TOO_LARGE = "the walks reach much farther than the map; are their places in metres?"
 MOST_LAID_OUT = 10_000
@@ -132,15 +142,7 @@ class LaidOutCrowd:
         tried, mirrored_m = register(shape, part, free_space, rotation_sd_rad)
         best_m = min(placement.cost_m for placement, _ in tried)
         on_stage("registered")
-        ground = Ground.of(free_space)
-        settled: list[tuple[Placement, FloatArray]] = []
-        for placement, offset in tried:
-            if placement.cost_m > best_m + PLAUSIBLE_M:
-                continue
-            xy = self._settled(placement, offset, ground)[kept]
-            unlikely = unlikely_m(placement.rotation_rad, placement.scale, rotation_sd_rad)
-            settled.append((placement._replace(cost_m=ground.mismatch_m(xy) + unlikely), xy))
-        settled.sort(key=lambda pair: pair[0].cost_m)
+        settled = self._settled(tried, kept, Ground.of(free_space), rotation_sd_rad)
         distinct = apart((xy for _, xy in settled), DISTINCT_M, len(settled))
         registration = Registration(
             tuple(settled[number][0] for number in distinct), mirrored_m - best_m
@@ -190,13 +192,45 @@ class LaidOutCrowd:
             far[self._part == number] = np.linalg.norm(xy - np.median(xy, axis=0), axis=1)
         return far
 
-    def _settled(self, placement: Placement, offset: FloatArray, ground: Ground) -> FloatArray:
+    def _settled(
+        self,
+        tried: Sequence[PlacedParts],
+        kept: BoolArray,
+        ground: Ground,
+        rotation_sd_rad: float | None,
+    ) -> list[tuple[Placement, FloatArray]]:
+        """Return plausible placements and where the scans that are kept settle, the best first.
+
+        All settle for some rounds, and then those that may be the best, or its rivals, to the end.
+        """
+        best_m = min(placement.cost_m for placement, _ in tried)
+        plausible = [one for one in tried if one.placement.cost_m <= best_m + PLAUSIBLE_M]
+        rounds = [self._settling(*one, ground) for one in plausible]
+
+        def onward(number: int, count: int) -> tuple[Placement, FloatArray]:
+            xy = next(itertools.islice(rounds[number], count - 1, None)).xy[kept]
+            placement = plausible[number].placement
+            unlikely = unlikely_m(placement.rotation_rad, placement.scale, rotation_sd_rad)
+            return placement._replace(cost_m=ground.mismatch_m(xy) + unlikely), xy
+
+        settled = [onward(number, ALL_ROUNDS) for number in range(len(plausible))]
+        costs_m = [placement.cost_m for placement, _ in settled]
+        likely = [
+            n for n in np.argsort(costs_m).tolist() if costs_m[n] < min(costs_m) + DOUBTFUL_M
+        ]
+        for place in apart((settled[number][1] for number in likely), ALIKE_M, len(likely)):
+            settled[likely[place]] = onward(likely[place], LIKELY_ROUNDS)
+        return sorted(settled, key=lambda pair: pair[0].cost_m)
+
+    def _settling(
+        self, placement: Placement, offset: FloatArray, ground: Ground
+    ) -> Iterator[Layout]:
         turned = self.layout.heading + placement.rotation_rad
         moved = self.layout.xy + offset[self._part]
         placed = Layout(placement.place(moved), turned, self.layout.log_step)
         return settle(
             self.crowd, self.like, placed, lambda xy: Pull(ground.nearest(xy), GROUND_SD_M)
-        ).xy
+        )
 
 
 def register_crowd(
