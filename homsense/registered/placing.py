@@ -214,10 +214,8 @@ class LaidOutCrowd:
             return placement._replace(cost_m=ground.mismatch_m(xy) + unlikely), xy
 
         settled = [onward(number, ALL_ROUNDS) for number in range(len(plausible))]
-        costs_m = [placement.cost_m for placement, _ in settled]
-        likely = [
-            n for n in np.argsort(costs_m).tolist() if costs_m[n] < min(costs_m) + DOUBTFUL_M
-        ]
+        costs_m = np.array([placement.cost_m for placement, _ in settled])
+        likely = np.argsort(costs_m)[: (costs_m < costs_m.min() + DOUBTFUL_M).sum()].tolist()
         for place in apart((settled[number][1] for number in likely), ALIKE_M, len(likely)):
             settled[likely[place]] = onward(likely[place], LIKELY_ROUNDS)
         return sorted(settled, key=lambda pair: pair[0].cost_m)
