@@ -30,6 +30,7 @@ REST_SHARE = 0.66
 AROUND, UNLIKE_EACH = 60, 4
 EDGES_DEPEND = 2.0
 TOGETHER_ROUNDS, LAY_OUT_ROUNDS = 5, 14
+STILL_M = 0.03
 PART_SHARE = 0.2
 _FIRST_TOLERANCE, _TIGHTER, _LAST_TOLERANCE = 12.0, 0.6, 2.5
 _HARDLY = 1e-4
@@ -161,13 +162,15 @@ def settle(
     Yields
     ------
     Layout
-        In the frame of the map, after each round; it changes little after some dozen.
+        In the frame of the map, after each round, until the scans stay where they are.
     """
     state = Layout(start.xy, start.heading, np.zeros(crowd.n_walks))
     for number in itertools.count():
-        edges = _spaced(state, crowd, like, number)
-        state = _improved(crowd, state, edges, start.heading, pull(state.xy))
+        before, edges = state.xy, _spaced(state, crowd, like, number)
+        state = _improved(crowd, state, edges, start.heading, pull(before))
         yield state
+        if np.square(state.xy - before).sum(axis=1).mean() < STILL_M**2:
+            return
 
 
 def parts(crowd: Crowd, like: Likeness) -> IntArray:

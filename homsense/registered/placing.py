@@ -206,10 +206,12 @@ class LaidOutCrowd:
         best_m = min(placement.cost_m for placement, _ in tried)
         plausible = [one for one in tried if one.placement.cost_m <= best_m + PLAUSIBLE_M]
         rounds = [self._settling(*one, ground) for one in plausible]
+        lying: dict[int, FloatArray] = {}
 
         def onward(number: int, count: int) -> tuple[Placement, FloatArray]:
-            xy = next(itertools.islice(rounds[number], count - 1, None)).xy[kept]
-            placement = plausible[number].placement
+            for layout in itertools.islice(rounds[number], count):
+                lying[number] = layout.xy[kept]
+            placement, xy = plausible[number].placement, lying[number]
             unlikely = unlikely_m(placement.rotation_rad, placement.scale, rotation_sd_rad)
             return placement._replace(cost_m=ground.mismatch_m(xy) + unlikely), xy
 
