@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Self
@@ -21,8 +21,8 @@ from homsense.registered.registration import (
     DISTINCT_M,
     DOUBTFUL_M,
     SCALES,
-    PlacedParts,
     Registration,
+    Search,
     apart,
     register,
 )
@@ -139,13 +139,12 @@ class LaidOutCrowd:
             raise InvalidInputError(TOO_LARGE, "scans")
         kept = (self._part >= 0) & self._within(free_space)
         shape, part = self.layout.xy[kept], np.unique(self._part[kept], return_inverse=True)[1]
-        tried, mirrored_m = register(shape, part, free_space, rotation_sd_rad)
-        best_m = min(placement.cost_m for placement, _ in tried)
+        found = register(shape, part, free_space, rotation_sd_rad)
         on_stage("registered")
-        settled = self._settled(tried, kept, Ground.of(free_space), rotation_sd_rad)
+        settled = self._settled(found, kept, Ground.of(free_space), rotation_sd_rad)
         distinct = apart((xy for _, xy in settled), DISTINCT_M, len(settled))
         registration = Registration(
-            tuple(settled[number][0] for number in distinct), mirrored_m - best_m
+            tuple(settled[number][0] for number in distinct), found.mirrored_m - found.best_m
         )
         on_stage("settled")
         return RegisteredComplex(
@@ -194,7 +193,7 @@ class LaidOutCrowd:
 
     def _settled(
         self,
-        tried: Sequence[PlacedParts],
+        found: Search,
         kept: BoolArray,
         ground: Ground,
         rotation_sd_rad: float | None,
@@ -203,8 +202,8 @@ class LaidOutCrowd:
 
         All settle for some rounds, and then those that may be the best, or its rivals, to the end.
         """
-        best_m = min(placement.cost_m for placement, _ in tried)
-        plausible = [one for one in tried if one.placement.cost_m <= best_m + PLAUSIBLE_M]
+        most_m = found.best_m + PLAUSIBLE_M
+        plausible = [one for one in found.placed if one.placement.cost_m <= most_m]
         rounds = [self._settling(*one, ground) for one in plausible]
         lying: dict[int, FloatArray] = {}
 

@@ -99,6 +99,11 @@ class Search(NamedTuple):
     placed: list[PlacedParts]
     mirrored_m: float
 
+    @property
+    def best_m(self) -> float:
+        """Cost of the best one, metres."""
+        return min(placement.cost_m for placement, _ in self.placed)
+
 
 def register(
     xy: FloatArray,
