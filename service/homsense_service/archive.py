@@ -191,6 +191,7 @@ def _registered(body: bytes, version: MapVersion, reachable: homsense.FreeSpace)
         arrays["source"],
         tuple(arrays["rivals"]),
     )
+    # Whoever localizes with it runs it by the backend of the day.
     likelihood = homsense.PlaceLikelihood(crowd, reachable, NUMPY)
     nobody = np.empty((0, 2))
     return Registered(

@@ -125,7 +125,7 @@ class Site:
         return frozenset(canonical(name, key) for name in self.in_view(stored))
 
     def in_view(self, readings: Iterable[Heard]) -> frozenset[str]:
-        """Return the same of readings whose identifiers compare as the site's do."""
+        """Return the same, named as the readings name them."""
         return homsense.visible_landmarks(
             readings, min_rssi_dbm=self.config.min_rssi_dbm, max_age_s=self.config.max_age_s
         )

@@ -18,11 +18,15 @@ def refused() -> None:
     raise AssertionError(message)
 
 
-def test_a_service_of_the_reference_never_asks_for_numba(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.fixture(autouse=True)
+def _without_numba(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(backend, "compiled", refused)
     monkeypatch.setattr(engine, "compiled", refused)
+
+
+def test_a_service_of_the_reference_never_asks_for_numba(
+    tmp_path: Path,
+) -> None:
     step = {"seq": 1, "delta": {"forward_m": 1.0}, "landmarks": ["a"]}
     scans = [
         {"device": "d", "scan_id": str(number), "observed_at": 1.7e9, "landmarks": list(seen)}
@@ -46,10 +50,8 @@ def test_a_service_of_the_reference_never_asks_for_numba(
 
 
 def test_neither_does_one_whose_sessions_know_their_places_from_a_crowd(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path,
 ) -> None:
-    monkeypatch.setattr(backend, "compiled", refused)
-    monkeypatch.setattr(engine, "compiled", refused)
     building = Building.of(0)
     crowd = list(building.crowd(10, 12))
     settings = Settings(data=tmp_path, engine="python", cell_m=1.0)
@@ -57,19 +59,19 @@ def test_neither_does_one_whose_sessions_know_their_places_from_a_crowd(
         {"seq": seq, "delta": {"forward_m": 2.0}, "landmarks": heard(scan.readings)}
         for seq, scan in enumerate(crowd[:3], 1)
     ]
-    path = ""
-    for step in steps:
+    with TestClient(create_app(settings)) as api:
+        api.put("/v1/sites/floor", json={})
+        api.put("/v1/sites/floor/map", json=building.document())
+        api.post("/v1/sites/floor/scans", json={"scans": [posted(one) for one in crowd]})
+        api.post("/v1/sites/floor/registration")
+        until(lambda: state(api) == "ready", 60.0, every_s=0.1)
+        asked = {"particles": 100, "sensor": {"type": "registered"}}
+        opened = api.post("/v1/sites/floor/sessions", json=asked).json()
+        path = f"/v1/sessions/{opened['session']}/steps"
+        assert api.post(path, json={"steps": steps[:1]}).status_code == 200
+    for step in steps[1:]:
         with TestClient(create_app(settings)) as api:
-            if not path:
-                api.put("/v1/sites/floor", json={})
-                api.put("/v1/sites/floor/map", json=building.document())
-                api.post("/v1/sites/floor/scans", json={"scans": [posted(one) for one in crowd]})
-                api.post("/v1/sites/floor/registration")
-                until(lambda: state(api) == "ready", 60.0, every_s=0.1)
-                asked = {"particles": 100, "sensor": {"type": "registered"}}
-                opened = api.post("/v1/sites/floor/sessions", json=asked).json()
-                path = f"/v1/sessions/{opened['session']}"
-            assert api.post(f"{path}/steps", json={"steps": [step]}).status_code == 200
+            assert api.post(path, json={"steps": [step]}).status_code == 200
 
 
 def state(api: TestClient) -> str:
