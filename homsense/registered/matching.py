@@ -251,8 +251,8 @@ class Matcher:
         Turned
             For `best`, also of a matcher whose ground has the same shape.
         """
-        at = np.zeros((len(self._parts), 2))
-        places = Fit(rotation_rad, scale, at, 0.0).place(self._parts)
+        unmoved = Placement(rotation_rad, scale, 0.0, 0.0, 0.0)
+        places = [unmoved.place(part) for part in self._parts]
         return Turned(rotation_rad, scale, places, [self._image(xy) for xy in places])
 
     def best(self, turned: Turned, beside: Sequence[Facing] | None = None) -> Fit:
