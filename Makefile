@@ -59,6 +59,7 @@ proof: $(READY) ## slow proof: coverage, exactness, calibration, recovery, demos
 	$(BIN)/python benchmarks/accuracy.py $(DATA)
 	$(if $(DATA),$(BIN)/python benchmarks/registered.py $(DATA))
 	$(if $(DATA),$(BIN)/python benchmarks/floors.py $(DATA))
+	$(if $(DATA),$(BIN)/python benchmarks/thin_crowds.py $(DATA))
 
 .venv-peers/.ready: $(READY) requirements-peers.lock
 	$(PYTHON) -m venv .venv-peers

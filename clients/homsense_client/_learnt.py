@@ -68,6 +68,7 @@ class Placed:
     cost_m: float
     margin_m: float
     mirror_margin_m: float
+    strain: float
     doubtful: bool
     coverage: float
     information_bits: float
@@ -108,6 +109,7 @@ class Floor:
     cost_m: float
     margin_m: float
     mirror_margin_m: float
+    strain: float
     doubtful: bool
 
 

@@ -48,11 +48,14 @@ class Layout:
         What to add to the headings of each walk, radians.
     log_step : ndarray, shape (W,), float64
         Logarithm of what to multiply its steps by.
+    strain : float
+        What the equations of the last round leave, squares of deviations a scan.
     """
 
     xy: FloatArray
     heading: FloatArray
     log_step: FloatArray
+    strain: float = 0.0
 
 
 class Pull(NamedTuple):
@@ -102,7 +105,8 @@ class _Rows(NamedTuple):
             self.value.append(value)
         self.right.append(right)
 
-    def solved(self, unknowns: int) -> FloatArray:
+    def solved(self, unknowns: int) -> tuple[FloatArray, float]:
+        """Return the unknowns, and the sum of squares of what they leave."""
         where = np.concatenate(self.row), np.concatenate(self.column)
         shape = self.size, unknowns
         equations = sparse.csc_array((np.concatenate(self.value), where), shape=shape)
@@ -113,8 +117,10 @@ class _Rows(NamedTuple):
             diag_pivot_thresh=0.0,
             options={"SymmetricMode": True},
         )
-        found: FloatArray = factors.solve(equations.T @ np.concatenate(self.right))
-        return found
+        right = np.concatenate(self.right)
+        found: FloatArray = factors.solve(np.asarray(equations.T @ right))
+        left = np.asarray(equations @ found) - right
+        return found, float(np.square(left).sum())
 
 
 def lay_out(crowd: Crowd, like: Likeness) -> Layout:
@@ -291,9 +297,10 @@ def _improved(
     for axis, place in enumerate((x, y)):
         rows.add(hold * to[:, axis], (place, hold))
 
-    found = rows.solved(2 * scans + 2 * walks)
+    found, left = rows.solved(2 * scans + 2 * walks)
     return Layout(
         np.stack([found[x], found[y]], axis=1),
         state.heading + found[bias],
         state.log_step + found[scale],
+        left / scans,
     )

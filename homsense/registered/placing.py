@@ -5,7 +5,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +41,14 @@ MOST_LAID_OUT = 10_000
 """Scans at once; `homsense.extend` lets the others join."""
 
 STAGES = ("heard", "compared", "laid out", "registered", "settled")
+
+
+class _Settled(NamedTuple):
+    """A placement, where the scans lie under it, and how bent the crowd is."""
+
+    placement: Placement
+    xy: FloatArray
+    strain: float
 
 
 @dataclass(frozen=True)
@@ -142,20 +150,22 @@ class LaidOutCrowd:
         found = register(shape, part, free_space, rotation_sd_rad)
         on_stage("registered")
         settled = self._settled(found, kept, Ground.of(free_space), rotation_sd_rad)
-        distinct = apart((xy for _, xy in settled), DISTINCT_M, len(settled))
+        distinct = apart((one.xy for one in settled), DISTINCT_M, len(settled))
         registration = Registration(
-            tuple(settled[number][0] for number in distinct), found.mirrored_m - found.best_m
+            tuple(settled[number].placement for number in distinct),
+            found.mirrored_m - found.best_m,
+            settled[0].strain,
         )
         on_stage("settled")
         return RegisteredComplex(
             self.hearing,
             self.crowd.walk[kept],
-            settled[0][1],
+            settled[0].xy,
             tuple(self.crowd.signatures[scan] for scan in np.flatnonzero(kept).tolist()),
             self.like.radio.reach_m,
             registration,
             self.crowd.source[kept],
-            tuple(settled[number][1] for number in distinct[1 : registration.n_plausible]),
+            tuple(settled[number].xy for number in distinct[1 : registration.n_plausible]),
         )
 
     @cached_property
@@ -197,7 +207,7 @@ class LaidOutCrowd:
         kept: BoolArray,
         ground: Ground,
         rotation_sd_rad: float | None,
-    ) -> list[tuple[Placement, FloatArray]]:
+    ) -> list[_Settled]:
         """Return plausible placements and where the scans that are kept settle, the best first.
 
         All settle for some rounds, and then those that may be the best, or its rivals, to the end.
@@ -205,21 +215,23 @@ class LaidOutCrowd:
         most_m = found.best_m + PLAUSIBLE_M
         plausible = [one for one in found.placed if one.placement.cost_m <= most_m]
         rounds = [self._settling(*one, ground) for one in plausible]
-        lying: dict[int, FloatArray] = {}
+        lying: dict[int, Layout] = {}
 
-        def onward(number: int, count: int) -> tuple[Placement, FloatArray]:
+        def onward(number: int, count: int) -> _Settled:
             for layout in itertools.islice(rounds[number], count):
-                lying[number] = layout.xy[kept]
-            placement, xy = plausible[number].placement, lying[number]
+                lying[number] = layout
+            placement, layout = plausible[number].placement, lying[number]
+            xy = layout.xy[kept]
             unlikely = unlikely_m(placement.rotation_rad, placement.scale, rotation_sd_rad)
-            return placement._replace(cost_m=ground.mismatch_m(xy) + unlikely), xy
+            cost_m = ground.mismatch_m(xy) + unlikely
+            return _Settled(placement._replace(cost_m=cost_m), xy, layout.strain)
 
         settled = [onward(number, ALL_ROUNDS) for number in range(len(plausible))]
-        costs_m = np.array([placement.cost_m for placement, _ in settled])
+        costs_m = np.array([one.placement.cost_m for one in settled])
         likely = np.argsort(costs_m)[: (costs_m < costs_m.min() + DOUBTFUL_M).sum()].tolist()
-        for place in apart((settled[number][1] for number in likely), ALIKE_M, len(likely)):
+        for place in apart((settled[number].xy for number in likely), ALIKE_M, len(likely)):
             settled[likely[place]] = onward(likely[place], LIKELY_ROUNDS)
-        return sorted(settled, key=lambda pair: pair[0].cost_m)
+        return sorted(settled, key=lambda one: one.placement.cost_m)
 
     def _settling(
         self, placement: Placement, offset: FloatArray, ground: Ground

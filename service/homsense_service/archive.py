@@ -171,6 +171,7 @@ def _registered_bytes(found: Registered) -> bytes:
         "reach_m": crowd.reach_m,
         "placements": crowd.registration.placements,
         "mirror_margin_m": crowd.registration.mirror_margin_m,
+        "strain": crowd.registration.strain,
     }
     arrays = {"walk": crowd.walk, "xy": crowd.xy, "source": crowd.source}
     return bundled(document, {**arrays, "rivals": np.array(crowd.rivals)})
@@ -187,6 +188,7 @@ def _registered(body: bytes, version: MapVersion, reachable: homsense.FreeSpace)
         Registration(
             tuple(Placement(*placement) for placement in document["placements"]),
             document["mirror_margin_m"],
+            document.get("strain", 0.0),
         ),
         arrays["source"],
         tuple(arrays["rivals"]),

@@ -50,6 +50,7 @@ def _fit(found: Registration) -> dict[str, Any]:
         "cost_m": found.cost_m,
         "margin_m": found.margin_m,
         "mirror_margin_m": found.mirror_margin_m,
+        "strain": found.strain,
         "doubtful": found.is_doubtful,
     }
 

@@ -153,6 +153,7 @@ class Scene:
             "registration_cost_m": placed and round(placed.cost_m, 2),
             "registration_margin_m": placed and round(placed.margin_m, 2),
             "mirror_margin_m": placed and round(placed.mirror_margin_m, 2),
+            "strain": placed and round(placed.strain, 2),
             "structures": len(self.site_map.structures),
             "betti": list(self.grown.betti_numbers()),
             "landmarks": self.grown.n_landmarks,

@@ -27,9 +27,13 @@ class FitOut(Wire):
     mirror_margin_m: float = Field(
         description="How much worse the mirror image of the crowd fits, metres: a control."
     )
+    strain: float = Field(
+        description="How bent the crowd lies: what steps, likeness and ground leave of one "
+        "another, squares of deviations a scan; more than 0.7 is doubtful."
+    )
     doubtful: bool = Field(
         description="Whether another placement is nearly as good, or the mirror image is, as on a "
-        "wrong map."
+        "wrong map, or the crowd has to bend too much."
     )
 
 
