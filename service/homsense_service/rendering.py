@@ -10,15 +10,19 @@ from PIL import Image
 
 import homsense
 from homsense.cycles import round_holes
-from homsense.skeleton import n_edges, skeleton
+from homsense.skeleton import skeleton
 from homsense_service import schemas
 from homsense_service.operations import Sensed
 from homsense_service.sensors import Sensor
 from homsense_service.site import Site
-from homsense_service.versions import ComplexVersion, MapVersion, WitnessCheck
+from homsense_service.versions import (
+    ComplexVersion,
+    MapVersion,
+    WitnessCheck,
+    euler_characteristic,
+)
 
 MAX_BESIDE = 8
-EULER_TERMS = 20_000
 
 
 def render_site(site: Site) -> schemas.SiteOut:
@@ -48,23 +52,23 @@ def render_map(version: MapVersion) -> schemas.MapOut:
 
 def render_complex(version: ComplexVersion) -> schemas.ComplexOut:
     """Return the numbers of a complex."""
-    grown = version.sensed
+    counts = version.counts
     return schemas.ComplexOut(
         version=version.number,
-        digest=grown.digest(),
+        digest=counts.digest,
         observations=version.number,
         devices=len(version.devices),
-        landmarks=grown.n_landmarks,
-        facets=grown.n_facets,
-        edges=n_edges(grown),
-        betti=list(grown.betti_numbers()),
-        euler=_euler(grown),
+        landmarks=counts.landmarks,
+        facets=counts.facets,
+        edges=counts.edges,
+        betti=list(counts.betti),
+        euler=counts.euler,
         quorum=version.filtration.depth,
         quarantined=[_quarantined(found) for found in version.quarantine],
         raw=schemas.RawComplexOut(
             landmarks=version.raw.n_landmarks,
             facets=version.raw.n_facets,
-            betti=list(version.raw.betti_numbers()),
+            betti=list(counts.raw_betti),
         ),
     )
 
@@ -177,7 +181,7 @@ def _level(
         vertices=level.n_landmarks,
         facets=level.n_facets,
         betti=list(level.betti),
-        euler=_euler(level.subcomplex),
+        euler=euler_characteristic(level.subcomplex),
         holes=level.holes,
         raw_holes=raw.holes,
         lasting=level.lasting,
@@ -217,10 +221,3 @@ def render_height_png(height: homsense.HeightMap) -> bytes:
     buffer = io.BytesIO()
     Image.fromarray(pixels).save(buffer, format="PNG")
     return buffer.getvalue()
-
-
-def _euler(grown: homsense.LandmarkComplex) -> int | None:
-    try:
-        return grown.euler_characteristic(max_terms=EULER_TERMS)
-    except homsense.ComputationLimitError:
-        return None

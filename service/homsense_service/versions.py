@@ -2,10 +2,33 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import homsense
+from homsense.skeleton import n_edges
 from homsense_service.names import Names
+
+EULER_TERMS = 20_000
+
+
+def euler_characteristic(grown: homsense.LandmarkComplex) -> int | None:
+    """Return the Euler characteristic of a complex, or None if it is too dense for that."""
+    try:
+        return grown.euler_characteristic(max_terms=EULER_TERMS)
+    except homsense.ComputationLimitError:
+        return None
+
+
+class Counts(NamedTuple):
+    """What a complex amounts to; what is sensed but for `raw_betti`."""
+
+    digest: str
+    landmarks: int
+    facets: int
+    edges: int
+    betti: tuple[int, ...]
+    euler: int | None
+    raw_betti: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -113,6 +136,20 @@ class ComplexVersion:
     def raw(self) -> homsense.LandmarkComplex:
         """The complex of all that any device has seen."""
         return self.filtration.level(1)
+
+    @cached_property
+    def counts(self) -> Counts:
+        """What it amounts to; counted when asked for."""
+        grown = self.sensed
+        return Counts(
+            grown.digest(),
+            grown.n_landmarks,
+            grown.n_facets,
+            n_edges(grown),
+            grown.betti_numbers(),
+            euler_characteristic(grown),
+            self.raw.betti_numbers(),
+        )
 
 
 @dataclass(frozen=True)

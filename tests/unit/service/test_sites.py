@@ -48,6 +48,19 @@ def test_an_answer_is_counted_again_only_when_its_neighborhood_has_changed() -> 
     assert "z" in site.sense(visible, (2,))[0].landmarks
 
 
+def test_a_complex_is_counted_once_until_scans_come() -> None:
+    site = Site("a", SiteConfig(), Settings())
+    site.absorb(_scans(0, 20), NOW_S)
+    counts = site.complex.counts
+    assert site.complex.counts is counts
+    assert (counts.landmarks, counts.edges, counts.betti, counts.euler) == (21, 20, (1, 0), 1)
+    assert counts.digest == site.complex.sensed.digest()
+    site.absorb([StoredScan("p", "x", 0.0, (StoredReading("l0"), StoredReading("l20")))], NOW_S)
+    closed = site.complex.counts
+    assert (closed.landmarks, closed.edges, closed.betti, closed.euler) == (21, 21, (1, 1), 0)
+    assert closed.raw_betti == (1, 1)
+
+
 def test_the_sample_does_not_depend_on_the_order_of_arrival() -> None:
     one, other = (Site("a", SiteConfig(), Settings(calibration_scans=5)) for _ in range(2))
     one.absorb(_scans(0, 60), NOW_S)
