@@ -8,7 +8,7 @@ close and hear nothing alike are driven apart: without that a layout comes out f
 
 import itertools
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -48,14 +48,15 @@ class Layout:
         What to add to the headings of each walk, radians.
     log_step : ndarray, shape (W,), float64
         Logarithm of what to multiply its steps by.
-    strain : float
-        What the equations of the last round leave, squares of deviations a scan.
+    strain : ndarray, shape (N,), float64
+        What the equations of the last round leave of each scan, squares of deviations; empty
+        before the first.
     """
 
     xy: FloatArray
     heading: FloatArray
     log_step: FloatArray
-    strain: float = 0.0
+    strain: FloatArray = field(default_factory=lambda: np.empty(0))
 
 
 class Pull(NamedTuple):
@@ -86,11 +87,12 @@ class _Edges(NamedTuple):
 
 
 class _Rows(NamedTuple):
-    """Weighted equations: row, column and value of each coefficient, and the right-hand sides."""
+    """Weighted equations: row, column and value of each coefficient; owners, right-hand sides."""
 
     row: list[IntArray]
     column: list[IntArray]
     value: list[FloatArray]
+    owner: list[IntArray]
     right: list[FloatArray]
 
     @property
@@ -103,10 +105,11 @@ class _Rows(NamedTuple):
             self.row.append(row)
             self.column.append(column)
             self.value.append(value)
+        self.owner.append(terms[0][0])
         self.right.append(right)
 
-    def solved(self, unknowns: int) -> tuple[FloatArray, float]:
-        """Return the unknowns, and the sum of squares of what they leave."""
+    def solved(self, unknowns: int) -> tuple[FloatArray, FloatArray]:
+        """Return the unknowns, and sums of squares of what they leave, by the first unknown."""
         where = np.concatenate(self.row), np.concatenate(self.column)
         shape = self.size, unknowns
         equations = sparse.csc_array((np.concatenate(self.value), where), shape=shape)
@@ -120,7 +123,8 @@ class _Rows(NamedTuple):
         right = np.concatenate(self.right)
         found: FloatArray = factors.solve(np.asarray(equations.T @ right))
         left = np.asarray(equations @ found) - right
-        return found, float(np.square(left).sum())
+        owner = np.concatenate(self.owner)
+        return found, np.asarray(np.bincount(owner, np.square(left), unknowns), np.float64)
 
 
 def lay_out(crowd: Crowd, like: Likeness) -> Layout:
@@ -262,7 +266,7 @@ def _improved(
     scans, walks = crowd.size, crowd.n_walks
     x, y = np.arange(scans), scans + np.arange(scans)
     bias, scale = 2 * scans + np.arange(walks), 2 * scans + walks + np.arange(walks)
-    rows = _Rows([], [], [], [])
+    rows = _Rows([], [], [], [], [])
 
     here = crowd.steps
     own = crowd.own_xy[here + 1] - crowd.own_xy[here]
@@ -302,5 +306,5 @@ def _improved(
         np.stack([found[x], found[y]], axis=1),
         state.heading + found[bias],
         state.log_step + found[scale],
-        left / scans,
+        left[x] + left[y],
     )

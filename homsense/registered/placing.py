@@ -224,7 +224,8 @@ class LaidOutCrowd:
             xy = layout.xy[kept]
             unlikely = unlikely_m(placement.rotation_rad, placement.scale, rotation_sd_rad)
             cost_m = ground.mismatch_m(xy) + unlikely
-            return _Settled(placement._replace(cost_m=cost_m), xy, layout.strain)
+            strain = float(layout.strain[kept].mean())
+            return _Settled(placement._replace(cost_m=cost_m), xy, strain)
 
         settled = [onward(number, ALL_ROUNDS) for number in range(len(plausible))]
         costs_m = np.array([one.placement.cost_m for one in settled])

@@ -15,7 +15,7 @@ from homsense.registered.matching import Fit, Matcher, Placement, probabilities
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-DOUBTFUL_M, MIRRORED_M, STRAINED = 0.4, 0.3, 0.7
+DOUBTFUL_M, MIRRORED_M, STRAINED = 0.4, 0.3, 0.6
 SCALES = tuple(float(scale) for scale in np.geomspace(0.8, 1.8, 9))
 ROTATION_STEP = math.radians(6.0)
 COARSE_M, COARSE_CELLS = 2.0, 200

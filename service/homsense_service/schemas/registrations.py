@@ -29,7 +29,7 @@ class FitOut(Wire):
     )
     strain: float = Field(
         description="How bent the crowd lies: what steps, likeness and ground leave of one "
-        "another, squares of deviations a scan; more than 0.7 is doubtful."
+        "another, squares of deviations a scan; more than 0.6 is doubtful."
     )
     doubtful: bool = Field(
         description="Whether another placement is nearly as good, or the mirror image is, as on a "
