@@ -12,6 +12,7 @@ from homsense.particles import Particles
 from homsense.weights import Weights
 
 MAX_PARTICLES = 1_000_000
+LEAST = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,8 +51,8 @@ class KldSampling:
             raise InvalidConfigurationError(message, "adaptive.least")
         for name in ("error", "cell_m", "cell_rad"):
             value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                message = f"{name} must be positive, not {value}"
+            if not (math.isfinite(value) and value >= LEAST):
+                message = f"{name} must be positive, at least {LEAST:g}, not {value}"
                 raise InvalidConfigurationError(message, f"adaptive.{name}")
         if not 0.5 <= self.quantile < 1.0:  # noqa: PLR2004 - a probability
             message = f"quantile must be in [0.5, 1), not {self.quantile}"

@@ -9,11 +9,13 @@ from shapely.geometry import MultiPolygon, Polygon
 from shapely.validation import explain_validity
 
 from homsense.errors import InvalidMapError
+from homsense.pose import FARTHEST_M
 
 ROLE_DOMAIN = "domain"
 ROLE_STRUCTURE = "structure"
 
 _RING = 4
+_FINITE = f"finite numbers of at most {FARTHEST_M:g}"
 _MAX_DEPTH = 8
 
 
@@ -52,7 +54,8 @@ def read_features(document: Mapping[str, Any]) -> list[Feature]:
     Raises
     ------
     InvalidMapError
-        If the document is not such a thing, a number is not finite, or a polygon is not valid.
+        If the document is not such a thing, a number is not finite or beyond `FARTHEST_M`, or a
+        polygon is not valid.
     """
     features = list(_walk(document, "", ROLE_STRUCTURE, 0))
     if not features:
@@ -116,8 +119,8 @@ def _ring(ring: object, path: str) -> "np.typing.NDArray[np.float64]":
         raise _malformed("a list of [x, y] positions", path) from None
     if places.ndim != 2 or places.shape[1] != 2 or len(places) < _RING:  # noqa: PLR2004 - (N, 2)
         raise _malformed("a ring of at least four [x, y] positions", path)
-    if not np.isfinite(places).all():
-        raise _malformed("finite numbers", path)
+    if not (np.abs(places) <= FARTHEST_M).all():
+        raise _malformed(_FINITE, path)
     return places
 
 

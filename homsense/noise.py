@@ -22,6 +22,7 @@ FloatArray = NDArray[np.float64]
 Weigher = Callable[[Sequence[float]], FloatArray]
 
 LEAST_SPREAD = 0.25
+LEAST = 1e-9
 _NO_MATCH, _LEAST = 1e3, 1e-300
 _NOTHING_BITS = -1e3
 _REMEMBERED = 64
@@ -248,8 +249,8 @@ def advantage_bits(
 
 
 def _check_positive(name: str, number: float) -> None:
-    if not (math.isfinite(number) and number > 0.0):
-        message = f"{name} must be positive, not {number}"
+    if not (math.isfinite(number) and number >= LEAST):
+        message = f"{name} must be positive, at least {LEAST:g}, not {number}"
         raise InvalidConfigurationError(message, name)
 
 

@@ -3,7 +3,7 @@
 import math
 
 from homsense.errors import InvalidInputError
-from homsense.pose import Delta
+from homsense.pose import MAX_DELTA, Delta
 from homsense.scalar import TURN, cosine, sine
 
 LENGTH_SHARE, HEADING_RAD = 0.1, 0.1
@@ -31,7 +31,7 @@ def walked(length_m: float, heading_rad: float, before_rad: float | None) -> Del
     Raises
     ------
     InvalidInputError
-        If a number is not finite or the length is out of range.
+        If the length or a heading is out of range.
 
     Examples
     --------
@@ -39,10 +39,15 @@ def walked(length_m: float, heading_rad: float, before_rad: float | None) -> Del
     >>> round(abs(delta.forward_m), 6), round(delta.left_m, 6), round(delta.turn_rad, 6)
     (0.0, 0.7, 1.570796)
     """
-    if not (0.0 <= length_m <= MAX_STEP_M and math.isfinite(heading_rad)):
-        message = f"a step has a length in [0, {MAX_STEP_M:.0f}] m and a finite heading"
+    from_rad = heading_rad if before_rad is None else before_rad
+    is_turn = abs(heading_rad) <= MAX_DELTA and abs(from_rad) <= MAX_DELTA
+    if not (0.0 <= length_m <= MAX_STEP_M and is_turn):
+        message = (
+            f"a step has a length in [0, {MAX_STEP_M:.0f}] m and headings of at most "
+            f"{MAX_DELTA:.0f} rad"
+        )
         raise InvalidInputError(message, "step")
-    turns = 0.0 if before_rad is None else (heading_rad - before_rad) / TURN
+    turns = (heading_rad - from_rad) / TURN
     turns -= math.floor(turns + 0.5)
     error_m = LENGTH_SHARE * length_m
     return Delta(

@@ -6,6 +6,8 @@ from typing import NamedTuple
 from homsense.errors import InvalidInputError
 
 MAX_DELTA = 1e6
+FARTHEST_M = 1e9
+"""No place lies beyond; what is larger ends where precision does."""
 _SQUARE = 9
 
 

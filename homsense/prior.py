@@ -13,6 +13,7 @@ from shapely.geometry import Polygon
 from homsense.errors import InvalidConfigurationError
 from homsense.exact import standard_normals, unit_interval, wrap_turns
 from homsense.free_space import FreeSpace
+from homsense.pose import FARTHEST_M, MAX_DELTA
 from homsense.scalar import TURN
 
 FloatArray = NDArray[np.float64]
@@ -40,11 +41,24 @@ class HeadingPrior:
     mean_rad : float, default 0.0
         Heading, radians.
     std_rad : float, default infinite
-        Its deviation, radians; infinite when the heading is unknown.
+        Its deviation, radians, positive; from a full turn on the heading is unknown.
+
+    Raises
+    ------
+    InvalidConfigurationError
+        If the mean is beyond a million or the deviation is not positive.
     """
 
     mean_rad: float = 0.0
     std_rad: float = math.inf
+
+    def __post_init__(self) -> None:
+        if not abs(self.mean_rad) <= MAX_DELTA:
+            message = f"mean_rad must be at most {MAX_DELTA:.0f}, not {self.mean_rad}"
+            raise InvalidConfigurationError(message, "prior.heading.mean_rad")
+        if not self.std_rad > 0.0:
+            message = f"std_rad must be positive, not {self.std_rad}"
+            raise InvalidConfigurationError(message, "prior.heading.std_rad")
 
     def draw(self, words: NDArray[np.uint32]) -> Singles:
         """Draw headings.
@@ -59,10 +73,11 @@ class HeadingPrior:
         ndarray, shape (N,), float32
             Turns, in [-1/2, 1/2).
         """
-        if math.isinf(self.std_rad):
+        if self.std_rad >= TURN:
             return wrap_turns(unit_interval(words[0]))
         normal, *_ = standard_normals(words)
-        mean, std = np.float32(self.mean_rad / TURN), np.float32(self.std_rad / TURN)
+        mean = np.float32(math.remainder(self.mean_rad / TURN, 1.0))
+        std = np.float32(self.std_rad / TURN)
         return wrap_turns(mean + std * normal)
 
 
@@ -112,7 +127,7 @@ class GaussianPrior:
     Raises
     ------
     InvalidConfigurationError
-        If a number is not finite or the deviation is not positive.
+        If a number is beyond `FARTHEST_M` or the deviation is not positive.
     """
 
     x_m: float
@@ -121,11 +136,11 @@ class GaussianPrior:
     heading: HeadingPrior = HeadingPrior()
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.x_m) and math.isfinite(self.y_m)):
-            message = "the middle of a Gaussian prior must be finite"
+        if not (abs(self.x_m) <= FARTHEST_M and abs(self.y_m) <= FARTHEST_M):
+            message = f"the middle of a Gaussian prior must lie within {FARTHEST_M:g} m"
             raise InvalidConfigurationError(message, "prior")
-        if not (math.isfinite(self.std_m) and self.std_m > 0.0):
-            message = f"std_m must be positive, not {self.std_m}"
+        if not 0.0 < self.std_m <= FARTHEST_M:
+            message = f"std_m must be positive, at most {FARTHEST_M:g}, not {self.std_m}"
             raise InvalidConfigurationError(message, "prior.std_m")
 
     def draw(self, free_space: FreeSpace, bits: Bits) -> Drawn:
@@ -167,10 +182,20 @@ class PolygonPrior:
         Metres.
     heading : HeadingPrior, optional
         Unknown by default.
+
+    Raises
+    ------
+    InvalidConfigurationError
+        If a corner is beyond `FARTHEST_M`, or there is none.
     """
 
     polygon: Polygon
     heading: HeadingPrior = HeadingPrior()
+
+    def __post_init__(self) -> None:
+        if not all(abs(end) <= FARTHEST_M for end in self.polygon.bounds):
+            message = f"the corners of a polygon prior must lie within {FARTHEST_M:g} m"
+            raise InvalidConfigurationError(message, "prior.ring")
 
     def draw(self, free_space: FreeSpace, bits: Bits) -> Drawn:
         """Draw poses.

@@ -2,6 +2,7 @@
 
 import gzip
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -415,6 +416,24 @@ def test_a_bad_step_is_refused_by_name(
     assert answer.status_code == 422
     assert problem(answer)["errors"][0]["field"].startswith(field)
     assert api.get(f"/v1/sessions/{session}/pose").json()["tick"] == 0
+
+
+@pytest.mark.parametrize("std_rad", [0.1, 1e300])
+@pytest.mark.parametrize("mean_rad", [1e300, -1e6 - 1.0, 1e6, 7.0])
+def test_a_heading_is_refused_or_every_particle_has_one(
+    api: TestClient, site: str, mean_rad: float, std_rad: float
+) -> None:
+    prior = {"type": "uniform", "heading": {"mean_rad": mean_rad, "std_rad": std_rad}}
+    answer = api.post(f"/v1/sites/{site}/sessions", json={"particles": 50, "prior": prior})
+    if abs(mean_rad) > 1e6:
+        assert answer.status_code == 422
+        assert problem(answer)["errors"][0]["field"].endswith("heading.mean_rad")
+    else:
+        told = answer.json()["pose"]["modes"][0]["heading"]
+        assert (told["resultant"] > 0.9) is (std_rad < 1.0)
+        if std_rad < 1.0:
+            off_rad = math.remainder(told["mean_rad"] - mean_rad, math.tau)
+            assert abs(off_rad) < 0.2
 
 
 def test_priors_and_motions_of_every_kind_are_taken(api: TestClient, site: str) -> None:

@@ -17,6 +17,7 @@ from homsense import (
     Delta,
     Doubt,
     FreeSpace,
+    HeadingPrior,
     HeightMap,
     Localizer,
     LocalizerConfig,
@@ -125,6 +126,18 @@ def test_a_full_turn_of_the_headings_changes_nothing(seed: int, delta: Delta) ->
     again = NUMPY.propagate(before._replace(turns=turned), move, FREE.walls, seed, 1)
     near = np.abs(once.poses[:, :2] - again.poses[:, :2]).max(axis=1) < 0.01
     assert near.mean() >= 0.9  # one that just touches a wall may stop
+
+
+@given(SEEDS, st.floats(-3.0, 3.0), st.integers(-1000, 1000), st.floats(1e-3, 10.0))
+def test_a_compass_that_counts_turns_says_the_same(
+    seed: int, mean_rad: float, turns: int, std_rad: float
+) -> None:
+    words = np.random.Generator(np.random.Philox(seed)).integers(
+        0, 2**32, (4, 50), dtype=np.uint32
+    )
+    once = HeadingPrior(mean_rad, std_rad).draw(words)
+    again = HeadingPrior(mean_rad + turns * math.tau, std_rad).draw(words)
+    assert np.abs(exact.wrap_turns(once - again)).max() < 1e-6
 
 
 @given(arrays(np.float32, 40, elements=st.floats(-1e6, 1e6, width=32)))

@@ -20,8 +20,8 @@ _DEFAULTS = homsense.LocalizerConfig()
 class HeadingIn(Wire):
     """A compass at the start."""
 
-    mean_rad: float
-    std_rad: float = Field(gt=0)
+    mean_rad: float = Field(ge=-1e6, le=1e6)
+    std_rad: float = Field(gt=0, description="From a full turn on the heading is unknown.")
 
     def to_prior(self) -> homsense.HeadingPrior:
         """Return the value."""

@@ -238,6 +238,13 @@ def test_a_seed_has_64_bits(seed: int) -> None:
         lambda: ImuMotion(sigma_linear=math.inf),
         lambda: GaussianPrior(0.0, 0.0, 0.0),
         lambda: GaussianPrior(math.nan, 0.0, 1.0),
+        lambda: GaussianPrior(0.0, -1e300, 1.0),
+        lambda: HeadingPrior(math.nan, 0.1),
+        lambda: HeadingPrior(1e300, 0.1),
+        lambda: HeadingPrior(0.0, -0.1),
+        lambda: HeadingPrior(0.0, math.nan),
+        lambda: GaussianPrior(0.0, 0.0, 1e300),
+        lambda: GaussianPrior(0.0, 0.0, math.inf),
     ],
 )
 def test_a_parameter_out_of_range_is_refused(broken: object) -> None:

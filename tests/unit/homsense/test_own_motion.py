@@ -85,9 +85,12 @@ def test_steps_follow_their_headings() -> None:
     back = walked(1.0, 3.0 + math.pi, before_rad=3.0)
     assert back.forward_m == pytest.approx(-1.0)
     assert abs(back.turn_rad) == pytest.approx(math.pi)
-    for length, heading in ((-1.0, 0.0), (math.nan, 0.0), (1.0, math.inf)):
+    for length, heading in ((-1.0, 0.0), (math.nan, 0.0), (1.0, math.inf), (1.0, 1e308)):
         with pytest.raises(InvalidInputError, match="step"):
             walked(length, heading, None)
+    for before_rad in (-1e308, math.nan):
+        with pytest.raises(InvalidInputError, match="step"):
+            walked(1.0, 0.0, before_rad)
 
 
 @pytest.mark.parametrize("module", [imu, motion, noise])
