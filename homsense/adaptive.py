@@ -7,12 +7,11 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import NDArray
 
-from homsense.errors import InvalidConfigurationError
+from homsense.errors import InvalidConfigurationError, check_positive
 from homsense.particles import Particles
 from homsense.weights import Weights
 
 MAX_PARTICLES = 1_000_000
-LEAST = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,10 +49,7 @@ class KldSampling:
             message = f"1 <= least <= most <= {MAX_PARTICLES} must hold"
             raise InvalidConfigurationError(message, "adaptive.least")
         for name in ("error", "cell_m", "cell_rad"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= LEAST):
-                message = f"{name} must be positive, at least {LEAST:g}, not {value}"
-                raise InvalidConfigurationError(message, f"adaptive.{name}")
+            check_positive(f"adaptive.{name}", getattr(self, name))
         if not 0.5 <= self.quantile < 1.0:  # noqa: PLR2004 - a probability
             message = f"quantile must be in [0.5, 1), not {self.quantile}"
             raise InvalidConfigurationError(message, "adaptive.quantile")

@@ -1,5 +1,10 @@
 """The errors that the method raises; every one derives from `HomsenseError`."""
 
+import math
+
+LEAST = 1e-9
+"""What a positive parameter has to be at least."""
+
 
 class HomsenseError(Exception):
     """The root of the tree; never raised itself."""
@@ -39,3 +44,24 @@ class InvalidConfigurationError(InvalidInputError):
 
 class ComputationLimitError(HomsenseError):
     """An exact answer exists but costs more than the caller allowed."""
+
+
+def check_positive(field: str, number: float) -> None:
+    """Refuse a parameter that is not positive.
+
+    Parameters
+    ----------
+    field : str
+        Its name in dotted notation.
+    number : float
+        What it is.
+
+    Raises
+    ------
+    InvalidConfigurationError
+        If the number is not finite or below `LEAST`.
+    """
+    if not LEAST <= number < math.inf:
+        *_, name = field.split(".")
+        message = f"{name} must be positive, at least {LEAST:g}, not {number}"
+        raise InvalidConfigurationError(message, field)

@@ -15,14 +15,13 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from homsense.errors import InvalidConfigurationError
+from homsense.errors import InvalidConfigurationError, check_positive
 from homsense.exact import exp, log2
 
 FloatArray = NDArray[np.float64]
 Weigher = Callable[[Sequence[float]], FloatArray]
 
 LEAST_SPREAD = 0.25
-LEAST = 1e-9
 _NO_MATCH, _LEAST = 1e3, 1e-300
 _NOTHING_BITS = -1e3
 _REMEMBERED = 64
@@ -72,11 +71,11 @@ class CountNoise:
     correlation_m: float = 150.0
 
     def __post_init__(self) -> None:
-        _check_positive("sigma", self.sigma)
+        check_positive("sigma", self.sigma)
         if not 0.0 <= self.floor < 1.0:
             message = f"floor must be in [0, 1), not {self.floor}"
             raise InvalidConfigurationError(message, "floor")
-        _check_positive("correlation_m", self.correlation_m)
+        check_positive("correlation_m", self.correlation_m)
 
     def n_levels(self, n_fields: int) -> int:
         """Return how many counts a measurement has.
@@ -157,8 +156,8 @@ class FieldNoise:
     correlation_m: float
 
     def __post_init__(self) -> None:
-        _check_positive("freedom", self.freedom)
-        _check_positive("correlation_m", self.correlation_m)
+        check_positive("freedom", self.freedom)
+        check_positive("correlation_m", self.correlation_m)
         if not len(self.correlation) == len(self.gains) == len(self.offsets):
             message = "correlation, gains and offsets are of as many neighborhoods"
             raise InvalidConfigurationError(message, "correlation")
@@ -246,12 +245,6 @@ def advantage_bits(
         bits = weigher(counts)
         best = bits.max()
         yield float(bits[row] - best - np.log2(np.exp2(bits - best).mean()))
-
-
-def _check_positive(name: str, number: float) -> None:
-    if not (math.isfinite(number) and number >= LEAST):
-        message = f"{name} must be positive, at least {LEAST:g}, not {number}"
-        raise InvalidConfigurationError(message, name)
 
 
 @lru_cache

@@ -7,7 +7,7 @@ from homsense.errors import InvalidInputError
 
 MAX_DELTA = 1e6
 FARTHEST_M = 1e9
-"""No place lies beyond; what is larger ends where precision does."""
+"""How far a place may be from the origin of its frame."""
 _SQUARE = 9
 
 

@@ -119,7 +119,7 @@ def range_curve(
             complexes[at].n_landmarks,
             complexes[at].n_facets,
             stages.betti(at),
-            _euler(complexes[at]),
+            quick_euler(complexes[at]),
             _stable(stages, at),
         )
         for at, cut in enumerate(cuts_dbm[: len(complexes)])
@@ -155,7 +155,19 @@ def _stable(stages: History, at: int) -> int:
     return stages.rank(at - 1, at + 1) if 0 < at < len(stages.components) - 1 else 0
 
 
-def _euler(grown: LandmarkComplex) -> int | None:
+def quick_euler(grown: LandmarkComplex) -> int | None:
+    """Return the Euler characteristic of a complex, unless it is too dense for that.
+
+    Parameters
+    ----------
+    grown : LandmarkComplex
+        The complex.
+
+    Returns
+    -------
+    int or None
+        None where it takes more than a moment.
+    """
     try:
         return grown.euler_characteristic(max_terms=_EULER_TERMS)
     except ComputationLimitError:

@@ -10,17 +10,13 @@ from PIL import Image
 
 import homsense
 from homsense.cycles import round_holes
+from homsense.range_check import quick_euler
 from homsense.skeleton import skeleton
 from homsense_service import schemas
 from homsense_service.operations import Sensed
 from homsense_service.sensors import Sensor
 from homsense_service.site import Site
-from homsense_service.versions import (
-    ComplexVersion,
-    MapVersion,
-    WitnessCheck,
-    euler_characteristic,
-)
+from homsense_service.versions import ComplexVersion, MapVersion, WitnessCheck
 
 MAX_BESIDE = 8
 
@@ -181,7 +177,7 @@ def _level(
         vertices=level.n_landmarks,
         facets=level.n_facets,
         betti=list(level.betti),
-        euler=euler_characteristic(level.subcomplex),
+        euler=quick_euler(level.subcomplex),
         holes=level.holes,
         raw_holes=raw.holes,
         lasting=level.lasting,

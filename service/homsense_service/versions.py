@@ -5,18 +5,9 @@ from functools import cached_property
 from typing import Any, NamedTuple, Self
 
 import homsense
+from homsense.range_check import quick_euler
 from homsense.skeleton import n_edges
 from homsense_service.names import Names
-
-EULER_TERMS = 20_000
-
-
-def euler_characteristic(grown: homsense.LandmarkComplex) -> int | None:
-    """Return the Euler characteristic of a complex, or None if it is too dense for that."""
-    try:
-        return grown.euler_characteristic(max_terms=EULER_TERMS)
-    except homsense.ComputationLimitError:
-        return None
 
 
 class Counts(NamedTuple):
@@ -147,7 +138,7 @@ class ComplexVersion:
             grown.n_facets,
             n_edges(grown),
             grown.betti_numbers(),
-            euler_characteristic(grown),
+            quick_euler(grown),
             self.raw.betti_numbers(),
         )
 

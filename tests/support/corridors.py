@@ -32,6 +32,12 @@ WIDTH_M = 4.0
 PACE_M = 2.5
 
 
+def mirrored(free_space: FreeSpace) -> FreeSpace:
+    """Return the mirror image, on the same raster."""
+    free = free_space.free[:-1].reshape(free_space.grid.shape)
+    return FreeSpace(free_space.grid, np.append(free[:, ::-1], False))
+
+
 def building(corridors: Corridors = CORRIDORS) -> SiteMap:
     """Return the map: solid but for the corridors."""
     half = WIDTH_M / 2.0

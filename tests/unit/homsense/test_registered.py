@@ -8,7 +8,7 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
-from support.corridors import Building
+from support.corridors import Building, mirrored
 
 from homsense import (
     CodeMap,
@@ -67,11 +67,6 @@ def test_a_crowd_finds_its_place_whatever_its_compass_calls_east(turned_rad: flo
     best = found.registration.placements[0]
     assert math.cos(best.rotation_rad + turned_rad) > 0.95
     assert found.registration.margin_m > 0.5
-
-
-def mirrored(free_space: FreeSpace) -> FreeSpace:
-    free = free_space.free[:-1].reshape(free_space.grid.shape)
-    return FreeSpace(free_space.grid, np.append(free[:, ::-1], False))
 
 
 def test_a_crowd_knows_its_floor() -> None:

@@ -6,9 +6,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from support.corridors import Building
+from support.corridors import Building, mirrored
 
-from homsense import FreeSpace, Reading, WalkScan, register_crowd
+from homsense import Reading, WalkScan, register_crowd
 from homsense.registered.crowd import Crowd, likeness
 from homsense.registered.layout import Layout, Pull, settle
 from homsense.registered.matching import Placement
@@ -52,10 +52,10 @@ def test_a_crowd_is_bent_the_more_the_more_its_ground_differs_from_its_walks() -
 def test_a_mirrored_map_bends_a_crowd_and_its_own_does_not() -> None:
     building = Building.of(0)
     ground = building.free_space
-    free = ground.free[:-1].reshape(ground.grid.shape)[:, ::-1]
-    mirrored = FreeSpace(ground.grid, np.append(free, False))
     crowd = building.crowd(10, 40)
-    own, foreign = (register_crowd(crowd, space).registration for space in (ground, mirrored))
+    own, foreign = (
+        register_crowd(crowd, space).registration for space in (ground, mirrored(ground))
+    )
     assert own.strain < STRAINED < foreign.strain
 
 
