@@ -53,6 +53,7 @@ from homsense.registered.crowd import WalkScan
 from homsense.registered.floors import FloorFit, rank_floors
 from homsense.registered.place import HolesAtPlace, PlaceLikelihood
 from homsense.registered.placing import LaidOutCrowd, register_crowd
+from homsense.registered.radio_likelihood import RadioMapLikelihood
 from homsense.registered.retracing import Retraced, retrace
 from homsense.registered.similarity import Hearing
 from homsense.relation import VisibilityRelation
@@ -123,6 +124,7 @@ __all__ = [
     "PoseDistribution",
     "Prior",
     "Profiles",
+    "RadioMapLikelihood",
     "RadioModel",
     "RangePoint",
     "Reading",

@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from homsense import histogram, modes, philox, resemblance, resetting, stages
+from homsense import audibility, histogram, modes, philox, resemblance, resetting, stages
+from homsense.audibility import Audible
 from homsense.free_space import Walls
 from homsense.grid import Grid, Raster
 from homsense.histogram import Histogram
@@ -39,8 +40,8 @@ class Backend(NamedTuple):
         As in `homsense.resetting`.
     histogram, hills, label, moments : callable
         As in `homsense.histogram` and `homsense.modes`.
-    told : callable
-        As in `homsense.resemblance`.
+    told, heard : callable
+        As in `homsense.resemblance` and `homsense.audibility`.
     """
 
     name: str
@@ -56,6 +57,7 @@ class Backend(NamedTuple):
     label: Callable[[Histogram, Weights, IntArray], tuple[IntArray, int]]
     moments: Callable[[Particles, Weights, IntArray, int, FloatArray], Moments]
     told: Callable[[Nearby, IntArray, Integers, int], FloatArray]
+    heard: Callable[[Audible, IntArray, FloatArray, FloatArray, int], FloatArray]
 
 
 NUMPY = Backend(
@@ -72,6 +74,7 @@ NUMPY = Backend(
     modes.label,
     modes.moments,
     resemblance.told,
+    audibility.heard,
 )
 
 
@@ -86,11 +89,12 @@ def compiled() -> Backend | None:
     """
     try:
         kernels = import_module("homsense.compiled.filter_kernels")
-        resembling = import_module("homsense.compiled.resemblance")
+        told = import_module("homsense.compiled.resemblance").told
+        heard = import_module("homsense.compiled.audibility").heard
     except ImportError:
         return None
-    compiled_stages = {stage: getattr(kernels, stage) for stage in Backend._fields[1:-1]}
-    return Backend("numba", **compiled_stages, told=resembling.told)
+    compiled_stages = {stage: getattr(kernels, stage) for stage in Backend._fields[1:-2]}
+    return Backend("numba", **compiled_stages, told=told, heard=heard)
 
 
 def fastest() -> Backend:
@@ -131,4 +135,6 @@ def warmed() -> Backend:
     chosen.moments(particles, weights, *chosen.label(found, weights, of_cell), np.zeros(2))
     nearby = Nearby(np.arange(2), np.zeros(1, np.intp), np.zeros(1), nothing, np.zeros(1))
     chosen.told(nearby, np.zeros(1, np.int64), nothing, 1)
+    audible = Audible(np.arange(2), nothing, nobody, nobody, nobody)
+    chosen.heard(audible, np.zeros(1, np.int64), np.zeros(1), np.zeros(1), 1)
     return chosen

@@ -50,10 +50,16 @@ class Sighting(NamedTuple):
         Scans of the complex, rising.
     level : tuple of int
         How similar each is: how many of `LEVELS` it reaches, at least 1.
+    landmark : tuple of int
+        Landmarks that it hears, of those that the complex knows.
+    height_db : tuple of int
+        How far above what just counts each is heard, from 1, dB.
     """
 
     scan: tuple[int, ...]
     level: tuple[int, ...]
+    landmark: tuple[int, ...] = ()
+    height_db: tuple[int, ...] = ()
 
     @property
     def highest(self) -> int:
@@ -172,7 +178,7 @@ class RegisteredComplex:
             None when it hears too little; empty when it resembles nothing.
         """
         signature = self.hearing.signature(readings)
-        return self._sighting(signature) if signature else None
+        return self.compared(signature) if signature else None
 
     def own_sighting(self, scan: int) -> Sighting:
         """Compare one of the crowd's own scans with all of them, itself included.
@@ -187,12 +193,32 @@ class RegisteredComplex:
         Sighting
             What it resembles.
         """
-        return self._sighting(self.signatures[scan])
+        return self.compared(self.signatures[scan])
 
-    def _sighting(self, signature: Signature) -> Sighting:
-        level = np.searchsorted(LEVELS, self._index.similarities(signature), side="right")
+    def compared(self, signature: Signature) -> Sighting:
+        """Compare with the crowd what a scan hears.
+
+        Parameters
+        ----------
+        signature : mapping of str to float
+            From `Hearing.signature`.
+
+        Returns
+        -------
+        Sighting
+            What it resembles.
+        """
+        level = np.searchsorted(LEVELS, self.index.similarities(signature), side="right")
         scan = np.flatnonzero(level)
-        return Sighting(tuple(scan.tolist()), tuple(level[scan].tolist()))
+        column = self.index.column
+        known = {column[name]: part for name, part in signature.items() if name in column}
+        height_db = self.hearing.heights_db(np.array([*known.values()])).astype(np.int64)
+        return Sighting(
+            tuple(scan.tolist()),
+            tuple(level[scan].tolist()),
+            tuple(known),
+            tuple(height_db.tolist()),
+        )
 
     def covers(self, xy: FloatArray) -> BoolArray:
         """Tell where the crowd has been.
@@ -242,7 +268,7 @@ class RegisteredComplex:
             they have not, is learnt from the crowd, walk by walk.
         """
         even = min(max(share, NEVER_SURE), 1.0 - NEVER_SURE)
-        nats = 0.0 if level is None else float(self._nats_of_coverage[level])
+        nats = 0.0 if level is None else float(self.coverage_nats[level])
         return 1.0 / (1.0 + (1.0 - even) / even * math.exp(-nats))
 
     @cached_property
@@ -257,7 +283,8 @@ class RegisteredComplex:
         return above
 
     @cached_property
-    def _nats_of_coverage(self) -> FloatArray:
+    def coverage_nats(self) -> FloatArray:
+        """How much likelier each highest level is where others have been, shape (levels + 1,)."""
         scans = self._learnt.scans
         elsewhere, near = np.log(scans / scans.sum(axis=1, keepdims=True))
         above: FloatArray = near - elsewhere
@@ -269,7 +296,7 @@ class RegisteredComplex:
         scans = np.full((2, len(LEVELS) + 1), _PRIOR_PAIRS)
         for scan in range(0, self.size, max(1, self.size // _MOST_SAMPLED)):
             others = self.walk != self.walk[scan]
-            found = self._index.similarities(self.signatures[scan])[others]
+            found = self.index.similarities(self.signatures[scan])[others]
             level = np.searchsorted(LEVELS, found, side="right")
             apart = np.linalg.norm(self.xy[others] - self.xy[scan], axis=1)
             cell = self.ring(apart) * pairs.shape[1] + level
@@ -279,7 +306,8 @@ class RegisteredComplex:
         return _Learnt(pairs, scans)
 
     @cached_property
-    def _index(self) -> ScanIndex:
+    def index(self) -> ScanIndex:
+        """The scans by landmark; it gives landmarks their numbers."""
         return ScanIndex.of(self.signatures)
 
     @cached_property

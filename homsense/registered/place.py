@@ -20,7 +20,7 @@ from homsense.exact import exp, log2
 from homsense.free_space import FreeSpace
 from homsense.height import HeightMap
 from homsense.registered.blocks import Blocks
-from homsense.registered.complex import RegisteredComplex, Sighting
+from homsense.registered.complex import LEVELS, RegisteredComplex, Sighting
 from homsense.scalar import LN_2
 from homsense.stages import cells_at
 
@@ -37,7 +37,7 @@ LOST = 0.0005
 """Relocation between two independent measurements, which are only a few metres apart."""
 
 COUNT_VARIANCE = 1.0
-_NOTHING_BITS = -1e3
+NOTHING_BITS = -1e3
 _ASKED = 200
 
 
@@ -65,8 +65,6 @@ class PlaceLikelihood:
         self.code_map = CodeMap.blocks(free_space, BLOCK_SHARE * complex_.reach_m)
         self.correlation_m = CORRELATION_SHARE * complex_.reach_m
         self.blur_m = BLUR_M
-        middles = self.code_map.expected[1:]
-        self._placed = tuple(Blocks.of(placed, middles) for placed in complex_.placed)
 
     def run_by(self, backend: Backend) -> Self:
         """Return the same likelihood on another backend.
@@ -117,6 +115,11 @@ class PlaceLikelihood:
             `RegisteredComplex.coverage` of the share of them that `covers` tells.
         """
         return self.complex.coverage(float(self.covers(xy).mean()), level)
+
+    @cached_property
+    def _placed(self) -> tuple[Blocks, ...]:
+        middles = self.code_map.expected[1:]
+        return tuple(Blocks.of(placed, middles) for placed in self.complex.placed)
 
     @cached_property
     def _covered(self) -> BoolArray:
@@ -176,13 +179,35 @@ class PlaceLikelihood:
         InvalidInputError
             If the sighting is of another complex.
         """
+        self.check(sighting)
         scan, level = np.array(sighting.scan, np.int64), np.array(sighting.level, np.int32)
-        if not (_below(scan, self.complex.size) and _below(level, self.complex.nats.shape[1])):
-            message = "the sighting is of another complex"
-            raise InvalidInputError(message, "sighting")
         nats = self._averaged([blocks.nats(scan, level, self.backend) for blocks in self._placed])
         bits = (INDEPENDENT / LN_2) * (nats - nats.max())
-        return np.concatenate([[_NOTHING_BITS], bits])
+        return np.concatenate([[NOTHING_BITS], bits])
+
+    def check(self, sighting: Sighting) -> None:
+        """Raise unless a sighting can be of this complex.
+
+        Parameters
+        ----------
+        sighting : Sighting
+            What a scan resembles and hears.
+
+        Raises
+        ------
+        InvalidInputError
+            If it names what the complex does not have.
+        """
+        of_complex = (
+            _below(sighting.scan, self.complex.size)
+            and _below(sighting.level, len(LEVELS) + 1)
+            and _below(sighting.landmark, len(self.complex.index.column))
+            and len(sighting.scan) == len(sighting.level)
+            and len(sighting.landmark) == len(sighting.height_db)
+        )
+        if not of_complex:
+            message = "the sighting is of another complex"
+            raise InvalidInputError(message, "sighting")
 
     def _averaged(self, nats: list[FloatArray]) -> FloatArray:
         """Return the nats of the mean likelihood over the placements."""
@@ -197,8 +222,8 @@ class PlaceLikelihood:
         return np.asarray(best + log2(mean) * (LN_2 / INDEPENDENT))
 
 
-def _below(numbers: NDArray[np.int32] | NDArray[np.int64], size: int) -> bool:
-    return not len(numbers) or 0 <= numbers.min() <= numbers.max() < size
+def _below(numbers: Sequence[int], size: int) -> bool:
+    return not numbers or 0 <= min(numbers) <= max(numbers) < size
 
 
 class HolesAtPlace:
@@ -260,4 +285,4 @@ class HolesAtPlace:
             mean = float((share * counts).sum())
             variance = float((share * np.square(counts - mean)).sum()) + COUNT_VARIANCE
             bits -= np.square(counts - mean) / (2.0 * variance * LN_2)
-        return np.concatenate([[_NOTHING_BITS], bits])
+        return np.concatenate([[NOTHING_BITS], bits])

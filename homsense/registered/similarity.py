@@ -85,6 +85,29 @@ class Hearing:
                 )
         return found if len(found) >= MIN_HEARD else {}
 
+    def heights_db(self, amounts: FloatArray) -> FloatArray:
+        """Return how far above what just counts some landmarks were heard.
+
+        Parameters
+        ----------
+        amounts : ndarray, float64
+            Of a signature.
+
+        Returns
+        -------
+        ndarray, float64
+            Whole dB, 1 for what just counts; 1 for all when the sensor is binary.
+
+        Examples
+        --------
+        >>> heard = Hearing().signature([Reading(name, -61.0) for name in "abc"])
+        >>> Hearing().heights_db(np.array([*heard.values()])).tolist()
+        [20.0, 20.0, 20.0]
+        """
+        if not self.exponent:
+            return np.ones(len(amounts))
+        return np.asarray(np.rint(amounts ** (1.0 / self.exponent)))
+
 
 @dataclass(frozen=True)
 class ScanIndex:

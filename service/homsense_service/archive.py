@@ -166,6 +166,7 @@ def _registered_bytes(found: Registered) -> bytes:
         "scans": found.scans,
         "coverage": found.coverage,
         "information_bits": found.information_bits,
+        "share": found.likelihood.share,
         "hearing": asdict(crowd.hearing),
         "signatures": [dict(signature) for signature in crowd.signatures],
         "reach_m": crowd.reach_m,
@@ -194,7 +195,8 @@ def _registered(body: bytes, version: MapVersion, reachable: homsense.FreeSpace)
         tuple(arrays["rivals"]),
     )
     # Whoever localizes with it runs it by the backend of the day.
-    likelihood = homsense.PlaceLikelihood(crowd, reachable, NUMPY)
+    share = document.get("share")
+    likelihood = homsense.RadioMapLikelihood(crowd, reachable, NUMPY, share)
     nobody = np.empty((0, 2))
     return Registered(
         version,

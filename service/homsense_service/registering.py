@@ -70,7 +70,7 @@ class Registered:
         How many there were, with tracks.
     complex : homsense.RegisteredComplex
         Those that have a place.
-    likelihood : homsense.PlaceLikelihood
+    likelihood : homsense.RadioMapLikelihood
         Of a scan, over the map; of as many of them as are of use.
     coverage : float
         Share of the map where the crowd has been.
@@ -93,7 +93,7 @@ class Registered:
     map_version: MapVersion
     scans: int
     complex: homsense.RegisteredComplex
-    likelihood: homsense.PlaceLikelihood
+    likelihood: homsense.RadioMapLikelihood
     coverage: float
     information_bits: float
     walked_xy: NDArray[np.float64]
@@ -241,7 +241,7 @@ def _registered(
     version = question.map_version
     walked = homsense.retrace(found, scans)
     some = walked.stretches(MOST_SCANS)
-    likelihood = homsense.PlaceLikelihood(found.thinned(), question.reachable, backend)
+    likelihood = homsense.RadioMapLikelihood(found.thinned(), question.reachable, backend)
     free = version.free_space
     ground = free.grid.centers()[free.free[:-1]]
     return Registered(

@@ -10,8 +10,8 @@ from homsense import (
     FreeSpace,
     Hearing,
     InvalidInputError,
-    PlaceLikelihood,
     Profiles,
+    RadioMapLikelihood,
     Reading,
     RegisteredComplex,
     Retraced,
@@ -35,13 +35,13 @@ class RegisteredCrowd:
         All of it.
     registered : RegisteredComplex
         As many of them as are of use, with places.
-    likelihood : PlaceLikelihood
+    likelihood : RadioMapLikelihood
         Of a scan, over the map.
     """
 
     scans: list[WalkScan]
     registered: RegisteredComplex
-    likelihood: PlaceLikelihood
+    likelihood: RadioMapLikelihood
 
     @classmethod
     def of(
@@ -80,7 +80,7 @@ class RegisteredCrowd:
         except InvalidInputError:
             return None
         smoothed = smooth(found, everything, site_map, reachable).thinned()
-        return cls(everything, smoothed, PlaceLikelihood(smoothed, reachable))
+        return cls(everything, smoothed, RadioMapLikelihood(smoothed, reachable))
 
     @property
     def is_sure(self) -> bool:

@@ -13,7 +13,7 @@ from homsense_service.versions import MapVersion
 from support.collecting import uncollected
 from support.corridors import Building
 
-from homsense import PlaceLikelihood, register_crowd
+from homsense import RadioMapLikelihood, register_crowd
 
 
 class Crowd:
@@ -67,7 +67,7 @@ def test_a_crowd_is_read_as_it_was_kept_also_from_before_there_was_strain(
     building = Building.of(0)
     crowd = register_crowd(building.crowd(10, 40), building.free_space)
     version = MapVersion({}, building.site_map, building.free_space, "digest")
-    place = PlaceLikelihood(crowd, building.free_space)
+    place = RadioMapLikelihood(crowd, building.free_space)
     nobody = np.empty((0, 2))
     found = Registered(version, crowd.size, crowd, place, 0.5, 4.0, nobody, (), nobody)
     artifacts: Artifacts = {}
@@ -75,7 +75,7 @@ def test_a_crowd_is_read_as_it_was_kept_also_from_before_there_was_strain(
     stored.update({name: write() for name, write in artifacts.items()})
     if is_old:
         kept_as, arrays = unbundled(stored[document["registered"]])
-        del kept_as["strain"]
+        del kept_as["strain"], kept_as["share"]
         stored[document["registered"]] = bundled(kept_as, arrays)
     archive = Archive(stored.__getitem__)
     again = sensor_of(document, archive, version, building.free_space).registered
@@ -84,3 +84,4 @@ def test_a_crowd_is_read_as_it_was_kept_also_from_before_there_was_strain(
     known = replace(crowd.registration, strain=0.0) if is_old else crowd.registration
     assert again.complex.registration == known
     assert crowd.registration.strain > 0.0
+    assert again.likelihood.share == place.share
