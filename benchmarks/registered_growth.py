@@ -17,7 +17,7 @@ from homsense_fleet.world import downtown_44
 from homsense import (
     FreeSpace,
     Hearing,
-    PlaceLikelihood,
+    RadioMapLikelihood,
     SiteMap,
     extend,
     register_crowd,
@@ -61,7 +61,8 @@ def main() -> int:
         found = extend(found, scans, site_map, free_space)
         marks.append(time.process_time())
         n_placed, found = found.size, found.thinned()
-        weigh = PlaceLikelihood(found, free_space)
+        weigh = RadioMapLikelihood(found, free_space)
+        marks.append(time.process_time())
         begun = time.process_time()
         for scan in scans[:: max(1, size // QUERIES)]:
             sighting = found.sighting(scan.readings)

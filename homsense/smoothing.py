@@ -1,7 +1,8 @@
 """Walks smoothed within the walls of the map: polish of a registered crowd, and its growth.
 
-A filter runs over the scans of a walk, weighed by what all other walks have heard; then tracks are
-drawn backwards from what it knew at each scan [1]_.
+A filter runs over the scans of a walk, weighed by what other walks have heard; then tracks are
+drawn backwards from what it knew at each scan [1]_. At first a scan is weighed by what it
+resembles; once the crowd lies better, by the radio map that it has made.
 
 .. [1] Godsill, Doucet and West, "Monte Carlo Smoothing for Nonlinear Time Series", Journal of the
    American Statistical Association 99, 2004.
@@ -27,6 +28,7 @@ from homsense.registered.complex import RegisteredComplex
 from homsense.registered.crowd import Crowd, WalkScan
 from homsense.registered.layout import HEADING_RAD, STEP_FLOOR_M, STEP_SHARE
 from homsense.registered.place import PlaceLikelihood
+from homsense.registered.radio_likelihood import RadioMapLikelihood
 from homsense.registered.retracing import turned
 from homsense.scalar import LN_2, TURN
 from homsense.site_map import SiteMap
@@ -37,6 +39,7 @@ IntArray = NDArray[np.int64]
 
 PARTICLES, NEWCOMER_PARTICLES, TRACKS = 1000, 4000, 50
 START_SHARE, KNOWN_SHARE = 0.25, 0.5
+QUARTERS = 4
 TURN_RAD = 0.02
 """Deviation of a heading after one metre; it grows with the square root of the way."""
 
@@ -83,36 +86,78 @@ def smooth(
         The same scans at the means of the tracks drawn, under each placement.
     """
     xy, *rivals = (
-        _smoothed(one, scans, PlaceLikelihood(one.thinned(), free_space, backend), site_map, seed)
+        _by_radio_map(
+            _by_resemblance(one, scans, site_map, free_space, seed, backend),
+            scans,
+            site_map,
+            free_space,
+            seed,
+            backend,
+        ).xy
         for one in found.placed
     )
     return replace(found, xy=xy, rivals=tuple(rivals))
 
 
-def _smoothed(
+def _by_resemblance(
     found: RegisteredComplex,
+    scans: Sequence[WalkScan],
+    site_map: SiteMap,
+    free_space: FreeSpace,
+    seed: int,
+    backend: Backend | None,
+) -> RegisteredComplex:
+    """Move each walk to where it resembles all others."""
+    place = PlaceLikelihood(found.thinned(), free_space, backend)
+    rng = np.random.Generator(np.random.Philox(seed))
+    xy = found.xy.copy()
+    for walk in np.unique(found.walk).tolist():
+        which = np.flatnonzero(found.walk == walk)
+        xy[which] = _moved(found, which, scans, place.without(walk), site_map, rng)
+    return replace(found, xy=xy)
+
+
+def _by_radio_map(
+    found: RegisteredComplex,
+    scans: Sequence[WalkScan],
+    site_map: SiteMap,
+    free_space: FreeSpace,
+    seed: int,
+    backend: Backend | None,
+) -> RegisteredComplex:
+    """Move a quarter of the walks after the other to where the radio map of the rest wants it."""
+    rng = np.random.Generator(np.random.Philox(seed))
+    xy, share = found.xy.copy(), None
+    for quarter in range(QUARTERS):
+        is_moved = found.walk % QUARTERS == quarter
+        others = found.of(~is_moved)
+        if not others.size:
+            continue
+        place = RadioMapLikelihood(others.thinned(), free_space, backend, share)
+        share = place.share
+        for walk in np.unique(found.walk[is_moved]).tolist():
+            which = np.flatnonzero(found.walk == walk)
+            xy[which] = _moved(found, which, scans, place, site_map, rng)
+    return replace(found, xy=xy)
+
+
+def _moved(
+    found: RegisteredComplex,
+    which: IntArray,
     scans: Sequence[WalkScan],
     place: PlaceLikelihood,
     site_map: SiteMap,
-    seed: int,
+    rng: np.random.Generator,
 ) -> FloatArray:
-    xy = found.xy.copy()
-    rng = np.random.Generator(np.random.Philox(seed))
-    for walk in np.unique(found.walk).tolist():
-        which = np.flatnonzero(found.walk == walk)
-        made = [scans[number] for number in found.source[which].tolist()]
-        own_xy = np.array([(scan.x_m, scan.y_m) for scan in made])
-        middles = place.code_map.expected[1:]
-        x_m, y_m = middles[np.square(middles - xy[which[0]]).sum(axis=1).argmin()].tolist()
-        start = GaussianPrior(
-            x_m,
-            y_m,
-            START_SHARE * found.reach_m,
-            HeadingPrior(turned(own_xy, xy[which]), HEADING_RAD),
-        )
-        localizer = _localizer(place.without(walk), site_map, start)
-        xy[which] = _tracks(localizer, place.complex, made, rng).mean(axis=1)
-    return xy
+    """Return where the scans of a walk were made, by motion, walls and the others, metres."""
+    made = [scans[number] for number in found.source[which].tolist()]
+    own_xy, xy = np.array([(scan.x_m, scan.y_m) for scan in made]), found.xy[which]
+    middles = place.code_map.expected[1:]
+    x_m, y_m = middles[np.square(middles - xy[0]).sum(axis=1).argmin()].tolist()
+    heading = HeadingPrior(turned(own_xy, xy), HEADING_RAD)
+    start = GaussianPrior(x_m, y_m, START_SHARE * found.reach_m, heading)
+    localizer = _localizer(place, site_map, start)
+    return np.asarray(_tracks(localizer, place.complex, made, rng).mean(axis=1))
 
 
 def extend(
