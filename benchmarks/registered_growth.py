@@ -29,7 +29,7 @@ from homsense.registered.registration import COMPASS_RAD
 SEED, CELL_M, SCANS_EACH, QUERIES = 0, 2.0, 130, 200
 SIZES = (1_000, 10_000, 100_000)
 LATE = 20
-AFTERWARDS = "smoothed", "joined", "ms a scan"
+AFTERWARDS = "smoothed", "joined", "mapped", "ms a scan"
 
 
 def main() -> int:

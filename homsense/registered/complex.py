@@ -14,8 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from homsense.exact import log2
 from homsense.registered.registration import Registration
 from homsense.registered.similarity import Hearing, ScanIndex, Signature
+from homsense.scalar import LN_2
 from homsense.scan import Reading
 
 FloatArray = NDArray[np.float64]
@@ -286,8 +288,8 @@ class RegisteredComplex:
     def coverage_nats(self) -> FloatArray:
         """How much likelier each highest level is where others have been, shape (levels + 1,)."""
         scans = self._learnt.scans
-        elsewhere, near = np.log(scans / scans.sum(axis=1, keepdims=True))
-        above: FloatArray = near - elsewhere
+        elsewhere, near = log2(scans / scans.sum(axis=1, keepdims=True))
+        above: FloatArray = LN_2 * (near - elsewhere)
         return above
 
     @cached_property

@@ -21,7 +21,7 @@ from homsense.free_space import FreeSpace
 from homsense.registered.complex import RegisteredComplex, Sighting
 from homsense.registered.place import NOTHING_BITS, PlaceLikelihood
 from homsense.registered.radio_map import RadioMap
-from homsense.scalar import LN_2
+from homsense.scalar import LN_2, exp2
 from homsense.stages import cells_at
 
 FloatArray = NDArray[np.float64]
@@ -120,7 +120,7 @@ class RadioMapLikelihood(PlaceLikelihood):
 
     def _shown(self, crowd: RegisteredComplex, sighting: Sighting) -> float:
         """Return how much likelier the resemblance is where the crowd has been."""
-        return math.exp(crowd.coverage_nats[sighting.highest])
+        return exp2(float(crowd.coverage_nats[sighting.highest]) / LN_2)
 
     def _mixed(self, radio: RadioMap, bits: FloatArray, shown: float) -> FloatArray:
         """Return the likelihood of each block, where it is not known what there is to hear too."""

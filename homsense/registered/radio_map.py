@@ -138,7 +138,7 @@ class RadioMap(NamedTuple):
 
 
 def _counts(found: RegisteredComplex, middles: FloatArray) -> csr_array:
-    """Return how much each scan counts in each block, in 1/1024."""
+    """Return how much each scan counts in each block, in units of `_ONE`."""
     pairs = cKDTree(found.xy).sparse_distance_matrix(
         cKDTree(middles), CUT_SHARE * found.reach_m, output_type="ndarray"
     )
